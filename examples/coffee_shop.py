@@ -2,7 +2,7 @@
 
 Its five tasks are timed as in the KANT paper (Gonzalez-Santamarta et al., 2022): reset (TtR), load
 the initial PDDL (TtL), check the tables (TtC), serve the orders (TtS), guide the persons (TtG).
-Then the store itself is asked: where was the robot at each moment, and who says so?
+Then it queries the store: where was the robot at each moment, and who reported that?
 
     python examples/coffee_shop.py [URL] [--iterations N]
 """
@@ -122,7 +122,7 @@ def run(url: str, iterations: int, console: Console) -> None:
 
 
 def report(url: str, since: int) -> Path | None:
-    """Write the report of what happened since a revision beside the store; None without `web`."""
+    """Write a report of the revisions since one beside the store; return None without `web`."""
     try:
         from kant_sql.web.report import write_report
     except ImportError:

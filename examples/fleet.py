@@ -1,14 +1,14 @@
-"""A fleet for an hour: robots with files of their own, often offline, and one server for all.
+"""A fleet for an hour: robots with their own files, often offline, and one server for all.
 
 python examples/fleet.py [URL] [--robots 1000] [--minutes 60] [--kills 5] [--workers 2] [--seed 1]
 
-Time is simulated: an hour takes a minute or two. Each robot writes what it does to its own SQLite
-file. While it has a connection, it pushes to the server; when it comes back, it pushes what
-happened meanwhile. Few processes play many robots, and some of them are killed while they push. In
-the end, each history on the server is the robot's, which anchors and verification show.
+Time is simulated: an hour takes a minute or two. Each robot writes its acts to its own SQLite file.
+While it is online, it pushes to the server; when it comes back, it pushes what it missed. Few
+processes play many robots, and some are killed while they push. In the end, anchors and
+verification show that each history on the server is the robot's.
 
-Without a URL, the server is an SQLite file. On PostgreSQL, the tables must be there:
-`kant-sql db upgrade URL`.
+Without a URL, the server is an SQLite file. On PostgreSQL, create the tables first: `kant-sql db
+upgrade URL`.
 """
 
 from __future__ import annotations
@@ -45,18 +45,18 @@ BOXES = ("box1", "box2", "box3")
 MORNING = datetime(2026, 3, 2, 8, tzinfo=UTC)
 # Robots that a process plays at once: each has its file and a connection to the server open.
 CREW = 20
-# Minutes for which a robot has a connection, or has none.
+# Minutes that a robot stays online or offline.
 SPELL = 10
 
 
 class Fleet(NamedTuple):
-    """What is simulated.
+    """The simulation.
 
     Attributes:
         url: the server.
         folder: where the robots' files are.
-        minutes: how long.
-        seed: of what happens.
+        minutes: its length.
+        seed: the seed of its events.
     """
 
     url: str
@@ -76,7 +76,7 @@ class Fleet(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What a robot does at a moment, with the facts that end and begin."""
+    """A step of a robot, with the facts that end and begin."""
 
     moment: datetime
     reason: str
@@ -89,7 +89,7 @@ class Step(NamedTuple):
 
 
 def problem(name: str) -> str:
-    """Write what a robot knows first."""
+    """Write the robot's initial knowledge."""
     boxes = " ".join(f"(box_at {box} pharmacy)" for box in BOXES)
     return f"""
 (define (problem morning) (:domain hospital)
@@ -99,7 +99,7 @@ def problem(name: str) -> str:
 
 
 def steps(fleet: Fleet, name: str) -> Iterator[Step]:
-    """Yield what a robot does all the time: it carries boxes from place to place."""
+    """Yield the robot's steps: it carries boxes from place to place."""
     random = Random(f"{fleet.seed} {name[-4:]}")
     moment, end = MORNING, MORNING + timedelta(minutes=fleet.minutes)
     place, battery = "dock", 100
@@ -135,7 +135,7 @@ class Robot(NamedTuple):
     """A robot, with its own file open.
 
     Attributes:
-        fleet: what it belongs to.
+        fleet: its fleet.
         name: of the robot, and of its knowledge base.
         kb: its knowledge base.
         tell: where to report pushes.
@@ -147,7 +147,7 @@ class Robot(NamedTuple):
     tell: Connection
 
     def begin(self) -> None:
-        """Load what it knows first, unless its file has it already."""
+        """Load its initial knowledge, unless its file has it."""
         if self.kb.revision == 0:
             self.kb.load_domain(DOMAIN)
         if self.kb.revision == 1:
@@ -155,7 +155,7 @@ class Robot(NamedTuple):
                 self.kb.load_problem(problem(self.name))
 
     def live(self, spell: int) -> None:
-        """Do what there is to do in one spell; what its file has already is done."""
+        """Execute the steps of one spell, except those in its file."""
         start = MORNING + timedelta(minutes=SPELL * spell)
         [last] = self.kb.store.revisions(after=self.kb.revision - 1)
         online = is_online(self.fleet, self.name, spell)
@@ -169,7 +169,7 @@ class Robot(NamedTuple):
             self.push()
 
     def act(self, step: Step) -> None:
-        """Write what it does: one revision."""
+        """Write a step, as one revision."""
         with self.kb.transaction(reason=step.reason, observed_at=step.moment):
             for fact in step.ends:
                 self.kb.propositions.delete(fact)
@@ -178,7 +178,7 @@ class Robot(NamedTuple):
             self.kb.function_values.save(f"(= (battery {self.name}) {step.battery})")
 
     def push(self) -> None:
-        """Send what the server lacks, and report it before and afterwards."""
+        """Push missing revisions to the server, and report before and after."""
         self.tell.send(("pushes", 0))
         pushed = self.kb.store.push(self.fleet.url)
         self.tell.send(("pushed", pushed.versions))
@@ -203,7 +203,7 @@ def play(fleet: Fleet, crews: Sequence[Sequence[str]], tell: Connection) -> None
 
 
 class Player:
-    """A process, and another one in its place when it is killed."""
+    """A process, which is replaced when killed."""
 
     def __init__(self, fleet: Fleet, names: Sequence[str]) -> None:
         self._fleet = fleet
@@ -211,7 +211,7 @@ class Player:
         self.start()
 
     def start(self) -> None:
-        """Start it with the robots that are not home."""
+        """Start it with the unfinished robots."""
         context = multiprocessing.get_context("spawn")
         self.told, tell = context.Pipe(duplex=False)
         self.process = context.Process(target=play, args=(self._fleet, self.crews, tell))
@@ -219,7 +219,7 @@ class Player:
         tell.close()
 
     def kill(self) -> None:
-        """Kill it, at whatever it does, and start another one."""
+        """Kill it at any moment, and start another one."""
         self.process.kill()
         self.process.join()
         self.told.close()
@@ -227,7 +227,7 @@ class Player:
 
 
 def run(fleet: Fleet, names: Sequence[str], workers: int, kills: int) -> Counter[str]:
-    """Play all robots, and kill some processes while they push; count what they tell."""
+    """Play all robots, and kill some processes while they push; count their reports."""
     random = Random(fleet.seed)
     # Each robot pushes twice at least.
     numbers = {*random.sample(range(2 * len(names)), min(kills, len(names)))}
@@ -257,7 +257,7 @@ def run(fleet: Fleet, names: Sequence[str], workers: int, kills: int) -> Counter
 
 
 def compare(fleet: Fleet, names: Sequence[str]) -> tuple[int, int, list[str]]:
-    """Compare robots with the server: how many revisions and bytes there are, and what differs."""
+    """Compare robots with the server: numbers of revisions and bytes, and differences."""
     revisions, size, wrong = 0, 0, []
     with kant_sql.open_store(fleet.url, read_only=True) as server:
         for name in names:
@@ -267,7 +267,7 @@ def compare(fleet: Fleet, names: Sequence[str]) -> tuple[int, int, list[str]]:
                 [head] = anchor.heads
                 found = kept.store.revisions(after=head.revision - 1)
                 same = [(each.number, each.hash) for each in found] == [(head.revision, head.hash)]
-                # The schema is the same for all: to look at it once is enough.
+                # All share the schema: check it once.
                 if not (same and kept.store.verify(structure=name == names[0]).is_intact):
                     wrong.append(name)
                 revisions += head.revision
@@ -276,7 +276,7 @@ def compare(fleet: Fleet, names: Sequence[str]) -> tuple[int, int, list[str]]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Simulate the fleet, and print what the server has."""
+    """Simulate the fleet, and print the server's contents."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("url", nargs="?", help="the server; default: an SQLite file")
     for option, value in (("robots", 1000), ("minutes", 60), ("kills", 5), ("workers", 2)):
@@ -287,7 +287,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         folder = Path(place)
         url = options.url or f"sqlite:///{folder / 'server.db'}"
         fleet = Fleet(url, folder, options.minutes, options.seed)
-        # A server may be used again: each run has robots of its own.
+        # A server may be reused: each run has its own robots.
         prefix = f"{datetime.now(UTC):%Y%m%d%H%M%S}"
         names = [f"robot_{prefix}_{number:04}" for number in range(options.robots)]
         prepare(fleet, names)
@@ -301,7 +301,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def prepare(fleet: Fleet, names: Sequence[str]) -> None:
-    """Make empty stores: to copy one is faster than to make each."""
+    """Make empty stores: copying one is faster than making each."""
     kant_sql.connect(fleet.url, knowledge_base=names[0]).close()
     fleet.open(names[0]).close()
     first, *others = (fleet.folder / f"{name}.db" for name in names)

@@ -1,10 +1,9 @@
-"""A robot learns which doors to avoid: it plans by what became of its steps.
+"""A robot learns which doors to avoid: it plans with the outcomes of its steps.
 
 python examples/learn_doors.py [URL] [MISSIONS]
 
-The building is simulated: it is that of `kant-sql demo warehouse`. The store is in memory when no
-other is named, and there are 200 missions each way. It needs planners: pip install
-'kant-sql[planning]'.
+The building is that of `kant-sql demo warehouse`. By default, the store is in memory, and there are
+200 missions each way. It needs planners: pip install 'kant-sql[planning]'.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ BEGIN = datetime(2026, 3, 2, 8, tzinfo=UTC)
 def missions(
     building: Building, kb: KnowledgeBase, count: int, costs: Literal["history"] | None
 ) -> float:
-    """Plan and execute missions, and say how they went; return the share of success."""
+    """Plan and execute missions, and print the results; return the share of success."""
     began = building.now
     plan = kb.plan("fast-downward-opt", costs=costs, timeout=120)
     kb.plans.record(plan)
@@ -35,7 +34,7 @@ def missions(
 
 
 def main(url: str, count: int) -> None:
-    """Carry out missions by the shortest way, then by what was learned."""
+    """Execute missions by the shortest way, then with the learned costs."""
     with kant_sql.connect(url, knowledge_base="building", actor="operator") as kb:
         kb.load_domain(DOMAIN)
         kb.load_problem(PROBLEM)

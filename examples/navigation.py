@@ -2,7 +2,7 @@
 
 python examples/navigation.py [URL]
 
-The store is in memory when no other is named.
+By default, the store is in memory.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ navigation = PddlActionDto(
 
 
 def walk_through(factory: DaoFactory) -> None:
-    """Save what the robot knows, read it, drive, and look back."""
+    """Save the robot's knowledge, read it, drive, and look back."""
     propositions, goals = factory.create_pddl_proposition_dao(), factory.create_goal_dao()
     actions = factory.create_pddl_action_dao()
     here, there = (PddlPropositionDto(robot_at, [rb1, place]) for place in (wp1, wp2))

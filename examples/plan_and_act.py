@@ -2,7 +2,7 @@
 
 python examples/plan_and_act.py [URL]
 
-The store is in memory when no other is named. It needs planners: pip install 'kant-sql[planning]'.
+By default, the store is in memory. It needs planners: pip install 'kant-sql[planning]'.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def act(kb: KnowledgeBase, steps: Sequence[PlanStep]) -> bool:
 
 
 def surprise(kb: KnowledgeBase) -> None:
-    """Save what perception sees: the letter is elsewhere than the robot believes."""
+    """Save an observation: the letter is not where the robot believes."""
     with kb.transaction(actor="perception", reason="the letter was seen at the dock"):
         kb.propositions.delete("(parcel_at letter hall)")
         kb.propositions.save("(parcel_at letter dock)")

@@ -1,8 +1,8 @@
-"""Plan with fuel, act, find less of it than was calculated, and replan by way of the pump.
+"""Plan with fuel, act, find less fuel than planned, and replan by way of the pump.
 
 python examples/plan_and_act_numeric.py [URL]
 
-The store is in memory when no other is named. It needs planners: pip install 'kant-sql[planning]'.
+By default, the store is in memory. It needs planners: pip install 'kant-sql[planning]'.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def fuel(kb: KnowledgeBase) -> str:
 
 
 def surprise(kb: KnowledgeBase) -> None:
-    """Save what the gauge shows: there is less fuel than the van should have."""
+    """Save the gauge's value: there is less fuel than planned."""
     with kb.transaction(actor="gauge", reason="the tank leaks"):
         kb.function_values.set("fuel", objects=["blue"], value=3.5)
 

@@ -2,7 +2,7 @@
 
 python examples/plan_and_act_temporal.py [URL]
 
-The store is in memory when no other is named. It needs planners: pip install 'kant-sql[planning]'.
+By default, the store is in memory. It needs planners: pip install 'kant-sql[planning]'.
 """
 
 from __future__ import annotations

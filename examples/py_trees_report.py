@@ -1,4 +1,4 @@
-"""A behaviour tree reports what it does: each leaf that runs, succeeds, fails or is interrupted.
+"""A behaviour tree reports its leaves: each that runs, succeeds, fails or is interrupted.
 
 $ pip install py_trees
 $ python examples/py_trees_report.py [URL] [DEMO ...]
@@ -28,7 +28,7 @@ class Reporter(py_trees.visitors.VisitorBase):
     """Reports each leaf that a tick runs, and those that are interrupted."""
 
     def __init__(self, kb: KnowledgeBase) -> None:
-        super().__init__(full=False)  # Those that are ticked.
+        super().__init__(full=False)  # The leaves of the present tick.
         self.kb = kb
         self.running: dict[py_trees.behaviour.Behaviour, Execution] = {}
 
@@ -45,13 +45,13 @@ class Reporter(py_trees.visitors.VisitorBase):
             self.running[behaviour] = act
 
     def finalise(self) -> None:
-        """Report what was interrupted, which was not ticked."""
+        """Report interrupted leaves, which were not ticked."""
         for each in [each for each in self.running if each.status == Status.INVALID]:
             self.run(each)
 
 
 def main(url: str, demos: list[str]) -> None:
-    """Run demos of py_trees, and print what they did, oldest first."""
+    """Run demos of py_trees, and print their executions, oldest first."""
     for demo in demos:
         with kant_sql.connect(url, knowledge_base=demo, actor="tree") as kb:
             tree = py_trees.trees.BehaviourTree(

@@ -1,7 +1,7 @@
-"""A day of a robot in pyrobosim: 60 navigations, which the simulator lets fail as it will.
+"""A day of a robot in pyrobosim: 60 navigations, some of which the simulator lets fail.
 
-Each is executed, sensed by a localization of its own actor, asked about, and learned from. It runs
-without a window. pyrobosim is not a part of kant_sql:
+It executes each navigation, confirms it by a localization with its own actor, and evaluates the
+outcomes. It runs without a window. pyrobosim is not a part of kant_sql:
 
 $ pip install pyrobosim
 $ python examples/pyrobosim_day.py [URL]
@@ -34,7 +34,7 @@ NAVIGATIONS, CORRECTED = 60, "the pose says so"
 
 
 class NavigationError(Exception):
-    """What the simulator says of a navigation that failed."""
+    """The simulator's error of a failed navigation."""
 
     def __init__(self, code: str, text: str | None) -> None:
         super().__init__(text or "")
@@ -42,14 +42,14 @@ class NavigationError(Exception):
 
 
 class Day:
-    """The robot, its executive and its localization, which know the same knowledge base."""
+    """The robot, its executive and its localization, which share a knowledge base."""
 
     def __init__(self, executive: KnowledgeBase, localization: KnowledgeBase) -> None:
         self.executive, self.localization = executive, localization
         world = WorldYamlLoader().from_file(Path(get_data_folder(), "test_world.yaml"))
         self.world, self.chance = world, random.Random(7)
         self.robot: Robot = world.robots[0]
-        # The simulator's own failures; doors that close while it drives are others.
+        # The simulator's own failures; closing doors cause others.
         options = ExecutionOptions(success_probability=0.9, rng_seed=7, battery_usage=0.5)
         self.robot.action_execution_options["navigate"] = options
         rooms = " ".join(room.name for room in world.rooms)
@@ -61,7 +61,7 @@ class Day:
         )
 
     def sensed(self) -> str | None:
-        """Return the room that the robot's pose is in, whatever anybody believes."""
+        """Return the room of the robot's actual pose."""
         pose = self.robot.get_pose()
         inside = (room for room in self.world.rooms if room.polygon.contains(Point(pose.x, pose.y)))
         return next((room.name for room in inside), None)
@@ -105,7 +105,7 @@ class Day:
 
 
 def report(kb: KnowledgeBase, robot: str) -> None:
-    """Ask what was done, what came of it, and what it rested on."""
+    """Print acts, outcomes and causes."""
     print("executions", sum(1 for _ in kb.executions.get_all()))
     [whole] = kb.statistics()
     print(f"went {whole.succeeded}, failed {whole.failed}")

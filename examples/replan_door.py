@@ -1,8 +1,8 @@
-"""A door closes in front of a robot, which goes around; what does not concern it is ignored.
+"""A door closes in front of a robot, which goes around; it ignores irrelevant changes.
 
 python examples/replan_door.py [URL]
 
-The store is in memory when no other is named. It needs planners: pip install 'kant-sql[planning]'.
+By default, the store is in memory. It needs planners: pip install 'kant-sql[planning]'.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ PROBLEM = """
 
 
 def drive(kb: KnowledgeBase, step: Execution) -> None:
-    """Drive through a door, while perception reports what it sees."""
+    """Drive through a door, while perception reports."""
     print("driving:", step)
     if step.arguments[:2] == ("hall", "corridor"):
         with kb.transaction(actor="perception", reason="camera 2"):

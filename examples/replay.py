@@ -2,7 +2,7 @@
 
 python examples/replay.py [URL]
 
-The store is in memory when no other is named. The rounds are those of `kant-sql demo failed-plan`.
+By default, the store is in memory. The rounds are those of `kant-sql demo failed-plan`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from kant_sql_plugins.demo.failed_plan import DOMAIN, PROBLEM, STEPS
 
 
 def execute(kb: KnowledgeBase, step: Execution) -> bool:
-    """Execute a step, unless the place is shut; save what was seen."""
+    """Execute a step, unless the place is shut; save the observation."""
     if step.arguments[-1] != "lab":
         kb.apply(step)
         return True

@@ -2,8 +2,7 @@
 
 python examples/safety_audit.py [URL [REPORT]]
 
-The store is in memory when no other is named. With the name of a file, all of it becomes a report
-that opens in a browser.
+By default, the store is in memory. With the name of a file, it also writes a report for a browser.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ RULES = f"""
 (always-within 300 (and (stove_on) (child_in kitchen)) (not (child_in kitchen)))
 """
 MORNING = datetime(2026, 3, 2, 8, tzinfo=UTC)
-# After so many minutes: who saw or did what, and why.
+# Minutes from the start: who saw or did what, and why.
 DAY: tuple[tuple[int, str, str, str], ...] = (
     (5, "executive", "breakfast", "-(robot_at rb1 hall) +(robot_at rb1 kitchen)"),
     (6, "executive", "breakfast", "+(stove_on)"),
@@ -60,7 +59,7 @@ def changes(text: str) -> Iterable[tuple[str, str]]:
 
 
 def live(kb: KnowledgeBase) -> None:
-    """Record a day, with the times at which things were sensed."""
+    """Record a day, with the times of observations."""
     with kb.transaction(actor="installer", observed_at=MORNING):
         kb.load_domain(DOMAIN)
         kb.load_problem(PROBLEM)
@@ -73,7 +72,7 @@ def live(kb: KnowledgeBase) -> None:
 
 
 def audit(kb: KnowledgeBase) -> None:
-    """Hold the rules against the day, and show what led to each violation."""
+    """Judge the day by the rules, and show the changes before each violation."""
     verdicts = kb.pddl.check_rules(RULES, clock="observed")
     for verdict in verdicts:
         print("kept    " if verdict.is_satisfied else "violated", verdict.rule)

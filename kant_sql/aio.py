@@ -183,7 +183,7 @@ class _Block:
         self.task = asyncio.current_task()
         self.is_broken = False
         self.is_open = False
-        # From before it begins: to begin, too, it may hold what a call in this thread waits for.
+        # Set before it begins: even to begin, it may hold what a call in this thread waits for.
         factory = factory_of(door.kb)
         self._in_loop = LoopBlock(factory.queue, lambda: factory.label)
 
@@ -230,7 +230,7 @@ class _Block:
         return self.lane.submit(roll_back)
 
     def end(self) -> None:
-        """End the thread; a task that outlives the block keeps this object, and no more by it."""
+        """End the thread; a task that outlives the block keeps only this object."""
         self.lane.end()
         self._in_loop.close()
         self.task = None
@@ -279,7 +279,7 @@ class _Crew:
         self._pool.shutdown()
 
     def places(self) -> Iterator[asyncio.Semaphore]:
-        """Yield what writers of the running event loop wait for besides their queue."""
+        """Yield the limits besides their queue that writers of the running event loop wait for."""
         if self.writers is not None:
             with self._guard:
                 loop = asyncio.get_running_loop()
@@ -307,14 +307,14 @@ class _Door:
         self.blocks: set[_Block] = set()
 
     def refuse_closed(self) -> None:
-        """Raise `ClosedError` when it was closed."""
+        """Raise `ClosedError` if it was closed."""
         if self.is_closed:
             raise _closed()
 
     def _is_behind(self, block: _Block) -> bool:
         """Return whether this door would wait for the end of a block."""
         door, queue = block.door, factory_of(self.kb).queue
-        # Two front doors may be of one knowledge base, or of one file.
+        # Two front doors may share a knowledge base or a file.
         is_same = door is self or (queue is not None and factory_of(door.kb).queue == queue)
         return is_same or (self._crew.writers == 1 and door._crew is self._crew)
 
@@ -327,7 +327,7 @@ class _Door:
         return None
 
     def refuse_inherited(self) -> None:
-        """Refuse to wait for the block that this task was started in, which may wait for it."""
+        """Refuse to wait for the block that started this task: it may wait for the task."""
         for block in _BLOCKS.get():
             if block.is_open and self._is_behind(block):
                 name = "a task" if block.task is None else f"task {block.task.get_name()!r}"
@@ -408,11 +408,11 @@ class _Door:
             await _in_a_thread(self.begin_to_close())
 
     def begin_to_close(self) -> Callable[[], None]:
-        """Refuse further calls; return what a thread has to do then."""
+        """Refuse further calls; return the rest of the work, for a thread."""
         self.is_closed = True
         self.is_closing.set()
         error = ClosedError("this knowledge base was closed; nothing of the block was written")
-        # A block that is about to begin is ended by its own task.
+        # Its own task ends a block that is about to begin.
         blocks = [block for block in self.blocks if block.is_open]
         leaving = [block.leave(error) for block in blocks]
 
@@ -445,7 +445,7 @@ async def _until_stopped(call: Callable[[], R], stop: Callable[[], object]) -> R
     lane = _Lane()
     future = lane.submit(call)
     waiter = asyncio.wrap_future(future)
-    # The one who was cancelled reads no error.
+    # The cancelled caller reads no error.
     waiter.add_done_callback(lambda one: one.cancelled() or one.exception())
     try:
         return await asyncio.shield(waiter)
@@ -516,7 +516,7 @@ class _Transaction(AbstractAsyncContextManager[None]):
 
     @staticmethod
     def _call_soon(loop: asyncio.AbstractEventLoop, call: Callable[[], None]) -> None:
-        with suppress(RuntimeError):  # The loop was closed: no task waits in it.
+        with suppress(RuntimeError):  # The loop is closed: no task waits in it.
             loop.call_soon_threadsafe(call)
 
     def _end(self, block: _Block) -> None:
@@ -619,12 +619,12 @@ class _Part:
 
     def __init__(self, door: _Door, *, find: Callable[[], Any]) -> None:
         self._door = door
-        # Asked by each call: it may be closed by then.
+        # Looked up by each call: it may be closed by then.
         self._find = find
 
 
 class _Call(Generic[P, R]):
-    """A method of the synchronous interface that `run` calls in a thread."""
+    """A method of the synchronous interface, which `run` calls in a thread."""
 
     def __init__(
         self, method: Callable[Concatenate[S, P], T], run: Callable[[_Door, Callable[[], T]], R]
@@ -657,7 +657,7 @@ def _iterate(method: Callable[Concatenate[S, P], Iterable[R]]) -> _Call[P, Async
 
 
 async def _until_answered(door: _Door, ask: Callable[[], R]) -> R:
-    """Ask planners; when this is cancelled, they end."""
+    """Run planners; cancellation ends them."""
     with limited() as limit:
         if door.own_block() is not None:
             return await door.read(ask)
@@ -666,7 +666,7 @@ async def _until_answered(door: _Door, ask: Callable[[], R]) -> R:
 
 
 async def _read_all(door: _Door, ask: Callable[[], Answers]) -> Answers:
-    """Ask a condition, and read all answers where it was asked."""
+    """Evaluate a condition, and read all answers in the same thread."""
 
     def read() -> Answers:
         answers = ask()
@@ -677,7 +677,7 @@ async def _read_all(door: _Door, ask: Callable[[], Answers]) -> Answers:
 
 
 async def _open_past(door: _Door, ask: Callable[[], KnowledgeBase]) -> AsyncKnowledgeBase:
-    """Open a past state, which is closed with the front door."""
+    """Open a past state; closing the front door closes it."""
     return AsyncKnowledgeBase(door, kb=await door.read(ask))
 
 
@@ -696,7 +696,7 @@ def _search(method: Callable[Concatenate[S, P], R]) -> _Call[P, Coroutine[object
 
 
 class _Beside(cached_property[T]):
-    """A part of a front door: that of the synchronous one at the same name, made on first use."""
+    """A part of a front door: the synchronous part of the same name, wrapped on first use."""
 
     def __init__(self, make: Callable[..., T]) -> None:
         def made(part: _Part) -> T:
@@ -839,7 +839,7 @@ class AsyncOperations(_Part):
     anchor = _read(Operations.anchor)
     archive = _write(Operations.archive)
     retain = _write(Operations.retain)
-    # It reads here: other tasks write meanwhile.
+    # This reads: other tasks write meanwhile.
     push = _read(Operations.push)
     promote = _write(Operations.promote)
     to_arrow = _read(Operations.to_arrow)
@@ -963,7 +963,7 @@ class AsyncKnowledgeBase(_Part):
         return await self._door.write(call)
 
     async def _lines(self, of: When | AsyncKnowledgeBase | KnowledgeBase) -> list[tuple[str, str]]:
-        """Read a state where it can be read: in the block that its own task has open, if any."""
+        """Read a state in the block that its task has open, if any, or else in the pool."""
         if not isinstance(of, AsyncKnowledgeBase | KnowledgeBase):
             of = await self.at(of)
         door, kb = of._door if isinstance(of, AsyncKnowledgeBase) else self._door, _plain(of)
@@ -987,7 +987,7 @@ class AsyncKnowledgeBase(_Part):
         """Execute a plan, as `KnowledgeBase.execute`; `dispatch` may be a coroutine function.
 
         Coroutines run in this event loop, and are cancelled when the plan ends early; functions run
-        in threads. When this call is cancelled, so is the plan.
+        in threads. Cancelling this call cancels the plan.
         """
         check_call(cancel, "cancel")
         loop = asyncio.get_running_loop()
@@ -999,7 +999,7 @@ class AsyncKnowledgeBase(_Part):
                 return made
 
             async def run() -> object:
-                if step.id in tasks:  # It was called off before it began.
+                if step.id in tasks:  # It was cancelled before it began.
                     raise asyncio.CancelledError
                 tasks[step.id] = asyncio.current_task()
                 return await made
@@ -1120,7 +1120,7 @@ class AsyncKnowledgeStore:
 
 
 class Opening(AbstractAsyncContextManager[A]):
-    """What is being opened: await it, or use it in `async with`."""
+    """A knowledge base or store that is being opened: await it, or use it in `async with`."""
 
     def __init__(self, make: Callable[[], C], *, wrap: Callable[[C], A]) -> None:
         self._make: Callable[[], Any] = make
@@ -1139,7 +1139,7 @@ class Opening(AbstractAsyncContextManager[A]):
             await self._opened.close()
 
     async def _open(self) -> A:
-        """Open it in a thread; close it when the caller was cancelled meanwhile."""
+        """Open it in a thread; close it if the caller was cancelled meanwhile."""
         lane = _Lane()
         future = lane.submit(self._make)
         cancelled = await _finish(future)
@@ -1153,7 +1153,7 @@ class Opening(AbstractAsyncContextManager[A]):
 
 
 def _plain(given: T | AsyncKnowledgeBase) -> T | KnowledgeBase:
-    """Return the synchronous knowledge base of an asynchronous one; another argument as it is."""
+    """Return the synchronous knowledge base of an asynchronous one; other arguments unchanged."""
     return given._kb if isinstance(given, AsyncKnowledgeBase) else given
 
 
@@ -1175,8 +1175,8 @@ def connect(
         url: the database URL, as for `kant_sql.connect`.
         knowledge_base: the knowledge base's name; the first write creates it.
         actor: who writes, by default.
-        read_only: whether the database is to refuse all writes, as for `kant_sql.connect`.
-        clock: of when a transaction with `observed_at` speaks, as for `kant_sql.connect`.
+        read_only: whether the database refuses all writes, as for `kant_sql.connect`.
+        clock: the valid time of a transaction with `observed_at`, as for `kant_sql.connect`.
 
     Returns:
         An awaitable; it raises what `kant_sql.connect` raises.
@@ -1201,13 +1201,13 @@ def open_store(
 ) -> Opening[AsyncKnowledgeStore]:
     """Open a store for asyncio, with `await` or `async with`.
 
-    As many threads as there are connections run the calls, so one more task than that waits in the
-    event loop.
+    It runs the calls in as many threads as it has connections; further tasks wait in the event
+    loop.
 
     Args:
         url: the database URL, as for `kant_sql.connect`.
-        connections: how many connections to a server there may be, as for `kant_sql.open_store`.
-        read_only: whether the database is to refuse all writes of these connections.
+        connections: the maximum number of connections to a server, as for `kant_sql.open_store`.
+        read_only: whether the database refuses all writes of these connections.
 
     Returns:
         An awaitable; it raises what `kant_sql.open_store` raises.

@@ -20,13 +20,13 @@ T = TypeVar("T")
 # Called with the number of items done, and the number in total.
 Progress = Callable[[int, int], None]
 
-# No list of knowledge is longer; this limit refuses endless iterators.
+# No list of knowledge is longer; the limit refuses endless iterators.
 MAX_ITEMS = 1_000_000
-# Longer integers are not shown in full: Python refuses to from 4,300 digits on.
+# Messages shorten longer integers: Python refuses to write 4,300 digits or more.
 _PRINTABLE_BITS = 400
-# The environment variable that names the store where no URL is given.
+# The environment variable that names the store if no URL is given.
 URL_VARIABLE = "KANT_SQL_URL"
-# Characters of no text of a store.
+# Characters that no text of a store has.
 UNSTORABLE = re.compile("[\0\ud800-\udfff]")
 _TEXTS = (str, bytes, bytearray, memoryview)
 
@@ -53,7 +53,7 @@ class _Shown(reprlib.Repr):
                 return x.isoformat()
             return str(x) if isinstance(x, Readable) else super().repr1(x, level)
         except Exception:
-            # Its class may have the name of a class that reprlib knows.
+            # Its class may share its name with a class that reprlib knows.
             return self.repr_instance(x, level)
 
     def repr_int(self, x: int, level: int) -> str:
@@ -96,12 +96,12 @@ def _named(wanted: type | tuple[type, ...]) -> str:
 
 
 def is_many(given: object) -> TypeIs[list[Any] | tuple[Any, ...]]:
-    """Return whether what `save` is given is a list of elements."""
+    """Return whether the argument of `save` is a list of elements."""
     return isinstance(given, list | tuple)
 
 
 def refuse_many(given: object) -> None:
-    """Refuse a list where one element is taken."""
+    """Refuse a list in place of one element."""
     if is_many(given):
         raise InvalidKnowledgeError(
             "this takes one element, not a list: save, save_all and delete_all take lists"
@@ -190,7 +190,7 @@ def whole_number(
 
 
 def count_limit(value: Any, role: str = "the limit") -> int:
-    """Check how many are wanted at most; there are never more than a database counts."""
+    """Check a limit; a database never counts more."""
     return min(whole_number(value, role), sys.maxsize)
 
 
@@ -206,12 +206,12 @@ def seconds(timeout: Any) -> float:
     return float(min(timeout, sys.float_info.max))
 
 
-# Beyond that, what is asked is whether it ever was.
+# A longer age means: did it ever happen?
 _LONGEST = timedelta(days=365 * 100)
 
 
 def period(value: Any, role: str) -> timedelta:
-    """Check a number of seconds, from 0; beyond a century it is one."""
+    """Check a number of seconds, from 0; cap it at a century."""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number or not value >= 0:
         raise refusal(role, "a number of seconds, from 0", value, InvalidArgumentError)
@@ -252,7 +252,7 @@ def one_of(
     role: str,
     error: type[KantSqlError] = InvalidArgumentError,
 ) -> str:
-    """Check one of a few words."""
+    """Check that a word is one of the given."""
     if not isinstance(value, str) or value not in choices:
         few = " or ".join(map(repr, choices))
         expected = few if len(choices) < 3 else f"one of {', '.join(choices)}"

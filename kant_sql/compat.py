@@ -12,9 +12,9 @@ A program written for it changes its imports and its URI, nothing else::
   the store are raised. Constructors and setters of DTOs raise `InvalidKnowledgeError` for an
   argument of the wrong class, for example a predicate that is None.
 - `get_all` of named elements sorts them by name, types after those below them.
-- What an element refers to is redefined as it says, if nothing else uses that.
-- What its DTOs could not say is kept: the parent of a type, and that an object is a constant.
-  `delete_all` of objects spares constants, which belong to the domain.
+- Saving an element redefines the elements that it refers to, unless others use them.
+- It keeps details that the original's DTOs cannot express: the parent of a type, and that an object
+  is a constant. `delete_all` of objects spares constants, which belong to the domain.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ N = TypeVar("N", bound=NamedDto)
 
 
 class DaoFamilies(IntEnum):
-    """The original's families and this library's. The URI alone picks the database."""
+    """The families of the original and of this library. The URI alone selects the database."""
 
     ROS2 = 0
     MONGO = 1
@@ -105,11 +105,11 @@ class CompatDao(Generic[D]):
         return self._dao.get_all()
 
     def _save(self, dto: D) -> bool:
-        """Save an element; return False when it is stored already, or is ill-typed."""
+        """Save an element; return False if it is already stored, or is ill-typed."""
         return self._put(self._of(dto).insert, dto)
 
     def _update(self, dto: D) -> bool:
-        """Save an element that is stored; return False when it is not, or is ill-typed."""
+        """Save a stored element; return False if it is not stored, or is ill-typed."""
         return self._put(self._dao.update, dto)
 
     def save(self, dto: D) -> bool:
@@ -139,20 +139,20 @@ class CompatDao(Generic[D]):
         return _answered(work)
 
     def _write(self, call: Callable[[D], bool], dto: D) -> bool:
-        """Write an element with what is stored of it that its DTO does not say."""
+        """Write an element, with stored details that its DTO cannot express."""
         return call(dto)
 
     def _redefine(self, dto: D) -> bool:
-        """Save an element, and redefine what it refers to where nothing else uses that."""
+        """Save an element, and redefine referenced elements that nothing else uses."""
         with self._factory.transaction():
             self._forget(dto)
             with redefining_references():
                 self._write(self._of(dto).save, dto)
-            # Now all that the element says has to agree with what is stored.
+            # Now the whole element has to agree with the store.
             return self._write(self._of(dto).save, dto)
 
     def _forget(self, dto: D) -> None:
-        """Retract an element that others cannot depend on, so that it is not a user of anything."""
+        """Retract an element without dependants, so that it uses nothing."""
         self._of(dto).delete(dto)
 
 
@@ -178,7 +178,7 @@ class CompatDefinitionDao(CompatNamedDao[N]):
 
     @override
     def _forget(self, dto: N) -> None:
-        """Keep what others may depend on."""
+        """Keep an element that others may depend on."""
 
     @override
     def _write(self, call: Callable[[N], bool], dto: N) -> bool:
@@ -193,12 +193,12 @@ class CompatDefinitionDao(CompatNamedDao[N]):
             return call(self._completed(dto, stored))
 
     def _completed(self, dto: N, stored: N) -> N:
-        """Add what is stored of an element and its DTO does not say."""
+        """Add stored details that the element's DTO cannot express."""
         return dto
 
 
 class CompatTypeDao(CompatDefinitionDao[PddlTypeDto]):
-    """The DAO of types; a type that is saved without a parent keeps the one that it has."""
+    """The DAO of types; a type that is saved without a parent keeps its stored parent."""
 
     @override
     def get_all(self) -> list[PddlTypeDto]:
@@ -280,7 +280,7 @@ class CompatPropositionDao(CompatDao[PddlPropositionDto]):
 
     @override
     def _update(self, dto: PddlPropositionDto) -> bool:
-        """Save a proposition that is stored; return False when it is not, or is ill-typed."""
+        """Save a stored proposition; return False if it is not stored, or is ill-typed."""
         if self._of(dto) is self._dao:
             return super()._update(dto)
         with self._factory.transaction():
@@ -301,7 +301,7 @@ class CompatPropositionDao(CompatDao[PddlPropositionDto]):
 
 
 class DaoFactory:
-    """Creates the DAOs, as the original's factories do: of a database, and for a ROS 2 node.
+    """Creates the DAOs, like the original's factories: of a database, and for a ROS 2 node.
 
     Attributes:
         knowledge_base: the name of the knowledge base.
@@ -330,21 +330,21 @@ class DaoFactory:
 
     @classmethod
     def of(cls, factory: _SqlDaoFactory) -> Self:
-        """Create the DAOs of a store that is open; its transactions are theirs."""
+        """Create the DAOs of an open store, which share its transactions."""
         made = cls.__new__(cls)
         made._factory = factory
         return made
 
     @property
     def actor(self) -> str | None:
-        """Who writes: the actor that was given, or else the name of the node."""
+        """Who writes: the given actor, or else the name of the node."""
         get_name = getattr(self._node, "get_name", None)
         if self._given_actor is not None or get_name is None:
             return self._given_actor
         return expect(get_name(), str, "the name of the node", InvalidArgumentError)
 
     def connect(self) -> None:
-        """Open the database of the URI, for the DAOs that are created from now on."""
+        """Open the database of the URI, for DAOs that are created from now on."""
         self._factory = create_dao_factory(
             self._uri, knowledge_base=self.knowledge_base, actor=self.actor
         )
@@ -354,7 +354,7 @@ class DaoFactory:
         return self._uri
 
     def set_uri(self, uri: str) -> None:
-        """Open another database, for the DAOs that are created from now on."""
+        """Open another database, for DAOs that are created from now on."""
         self._uri = uri
         self.connect()
 
@@ -363,7 +363,7 @@ class DaoFactory:
         return self._node
 
     def set_node(self, node: object | None) -> None:
-        """Set the ROS 2 node, whose name the DAOs that are created from now on write as."""
+        """Set the ROS 2 node, which is the actor of DAOs that are created from now on."""
         self._node = node
         self.connect()
 
@@ -390,15 +390,15 @@ class DaoFactory:
 
 
 class Ros2DaoFactory(DaoFactory):
-    """The factory of a program that makes it for its ROS 2 node; the environment has the URL."""
+    """A factory for a ROS 2 node; the environment has the URL."""
 
     def __init__(self, node: object) -> None:
-        """Open the knowledge base of the environment, for a node."""
+        """Open the knowledge base that the environment names, for a node."""
         super().__init__(node=node)
 
 
 class DaoFactoryMethod:
-    """Creates the factory, as the original's factory method does."""
+    """Creates the factory, like the original's factory method."""
 
     dao_families = DaoFamilies
 
@@ -443,7 +443,7 @@ class Parameter(Protocol):
 
 
 class Node(Protocol):
-    """What `ParameterLoader` needs of a node of `rclpy`."""
+    """The methods of a node of `rclpy` that `ParameterLoader` needs."""
 
     def get_name(self) -> str:
         """Return the node's name."""
@@ -459,7 +459,7 @@ class Node(Protocol):
 
 
 class ParameterLoader:
-    """Creates the factory that the parameters of a ROS 2 node describe.
+    """Creates the factory from the parameters of a ROS 2 node.
 
     It declares `dao_family` (an integer), and as text `uri` with the database URL (or, as in the
     original, `mongo_uri`; by default the environment variable `KANT_SQL_URL`), `knowledge_base`,

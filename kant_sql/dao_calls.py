@@ -1,10 +1,10 @@
-"""Calls of DAOs as JSON: how the server and the DAO family over HTTP write them, and what is read.
+"""Calls of DAOs as JSON, which the server and the DAO family over HTTP exchange.
 
 A document is `{"pool": [...], "value": ...}`. The pool has each DTO, node and typed name once, as
 `{"PddlTypeDto": {"name": "robot", "parent": null}}`, behind what it refers to: `{"ref": 0}` is the
-first of the pool. Texts, booleans, integers, lists and null stand for themselves, and so do finite
-floats; other values are `{"decimal": "0.1"}`, `{"float": "nan"}`, `{"map": {...}}`,
-`{"time": "2026-01-31T09:30:00+00:00"}`, and `{"other": [class, text]}` for what is no argument.
+first of the pool. Texts, booleans, integers, finite floats, lists and null are themselves; other
+values are `{"decimal": "0.1"}`, `{"float": "nan"}`, `{"map": {...}}`, `{"time":
+"2026-01-31T09:30:00+00:00"}`, and `{"other": [class, text]}` for invalid arguments.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .errors import InvalidArgumentError, InvalidKnowledgeError, TypeCycleError,
 from .json_values import JsonValue
 from .knowledge_base import KnowledgeBase, PddlParts
 
-# What a server and its clients agree on.
+# Shared by the server and its clients.
 DAO_PATH = "/api/dao"
 TRANSACTION_PATH = f"{DAO_PATH}/transaction"
 TOKEN_VARIABLE = "KANT_SQL_TOKEN"
@@ -37,9 +37,9 @@ LONGEST_HEAD = 256 << 10
 LONGEST_BODY, MOST_CHANGES = 16 << 20, 100_000
 # Levels of lists in lists: no argument has more than three.
 _DEEPEST = 8
-# A longer integer, or a longer text of a decimal number, is no number of a store.
+# No number of a store has a longer integer or decimal text.
 _MOST_BITS, _LONGEST_NUMBER = 4_000, 1_000
-# What a document may unfold to, beside so many times its pool: formulas nest 50 levels.
+# The limit to which a document may unfold, or so many times its pool: formulas nest 50 levels.
 _MOST_PARTS, _PARTS_EACH, _CHARACTERS = 1_000_000, 50, 32
 
 _PLAIN = {str, bool, int, float, type(None)}
@@ -52,7 +52,7 @@ CLASSES: dict[str, type] = {
     if isinstance(found, type) and issubclass(found, Dto | Checked) and is_dataclass(found)
 }
 _FIELDS = {name: inspect.signature(found).parameters.keys() for name, found in CLASSES.items()}
-# Those whose texts have the whole texts of what they refer to.
+# Classes whose texts contain the whole texts of their references.
 _UNFOLDED = {name for name, found in CLASSES.items() if issubclass(found, Node | PddlEitherTypeDto)}
 
 # The interface of each DAO, by its attribute of a knowledge base or of its `pddl`.
@@ -86,7 +86,7 @@ def dao_of(kb: KnowledgeBase, kind: str) -> Any:
 
 
 def call(kb: KnowledgeBase, kind: str, do: str, arguments: object, *, reads: bool) -> Any:
-    """Call a method of a DAO that reads, or one that writes, with a document of its arguments."""
+    """Call a reading or writing method of a DAO with a document of its arguments."""
     interface = KINDS.get(kind)
     known: frozenset[str] = getattr(interface, "__abstractmethods__", frozenset())
     if do not in known or is_read(do) is not reads:
@@ -110,7 +110,7 @@ def keywords(arguments: object) -> dict[str, Any]:
 
 
 def document(value: Any) -> dict[str, JsonValue]:
-    """Write a value: what a DAO returns, or a dictionary of its arguments.
+    """Write a value: a result of a DAO, or a dictionary of its arguments.
 
     Raises:
         TypeCycleError: a DTO refers to itself.
@@ -123,7 +123,7 @@ def document(value: Any) -> dict[str, JsonValue]:
 
 
 def _found(kind: type) -> str | None:
-    """Return the name of the class that a class is, or is derived from."""
+    """Return the name of a class, or of its base class in the pool."""
     return next((one.__name__ for one in kind.__mro__ if CLASSES.get(one.__name__) is one), None)
 
 
@@ -131,7 +131,7 @@ _name_of: Callable[[type], str | None] = lru_cache(maxsize=256)(_found)
 
 
 def _parts(value: Any, level: int = _DEEPEST) -> Iterator[Any]:
-    """Yield what of a value stands in the pool."""
+    """Yield the parts of a value that belong in the pool."""
     if _name_of(type(value)) is not None:
         yield value
     elif level and isinstance(value, list | tuple | dict):
@@ -142,11 +142,11 @@ def _parts(value: Any, level: int = _DEEPEST) -> Iterator[Any]:
 class _Writer:
     def __init__(self) -> None:
         self.pool: list[JsonValue] = []
-        # By identity; None while what it refers to is written.
+        # By identity; None while its references are being written.
         self._places: dict[int, int | None] = {}
 
     def add(self, root: Any) -> None:
-        """Write a DTO or node, and first what it refers to, however deep."""
+        """Write a DTO or node after its references, at any depth."""
         places, stack = self._places, [root]
         while stack:
             one = stack[-1]
@@ -218,7 +218,7 @@ def _malformed(given: object, expected: str) -> InvalidArgumentError:
 class _Reader:
     def __init__(self, left: int) -> None:
         self._left = left
-        # With what each unfolds to where it is referred to.
+        # With the size that each unfolds to in a reference.
         self._pool: list[tuple[object, int]] = []
 
     def add(self, given: object) -> None:
@@ -268,7 +268,7 @@ class _Reader:
 
 
 def _only(given: object) -> tuple[str, Any]:
-    """Return the key of an object that has one, and its value."""
+    """Return the key and the value of an object with one member."""
     if not isinstance(given, dict) or len(given) != 1:
         raise _malformed(given, "a value")
     ((key, inner),) = given.items()
@@ -296,7 +296,7 @@ def _time(text: object) -> datetime | None:
 
 
 def _other(given: object) -> object:
-    """Make what is refused as the thing would be that it stands for."""
+    """Make a stand-in that is refused like the value it represents."""
     if not (isinstance(given, list) and len(given) == 2 and all(isinstance(p, str) for p in given)):
         return None
     name, text = given

@@ -81,7 +81,7 @@ def printable(text: str) -> str:
     return _CONTROLS.sub(lambda match: json.dumps(match[0])[1:-1], text)
 
 
-# A longer message loses its middle: what it is about stands at its ends.
+# A longer message loses its middle: the subject is at its ends.
 MAX_MESSAGE = 2_000
 _SURROGATES = re.compile("[\ud800-\udfff]")
 
@@ -90,7 +90,7 @@ class KantSqlError(Exception):
     """The base class of all errors that this library raises."""
 
     def __str__(self) -> str:
-        """Return the message, bounded, as text that any output can encode."""
+        """Return the bounded message, as text that any output can encode."""
         text = _SURROGATES.sub(lambda match: json.dumps(match[0])[1:-1], super().__str__())
         if len(text) <= MAX_MESSAGE:
             return text
@@ -98,7 +98,7 @@ class KantSqlError(Exception):
         return f"{text[:half]} ... ({len(text):,} characters) ... {text[-half:]}"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle what the error has, not the arguments that made it."""
+        """Pickle the attributes of the error, not the arguments of its constructor."""
         return _unpickled, (type(self), self.args, self.__dict__)
 
 
@@ -118,7 +118,7 @@ class InvalidNameError(InvalidKnowledgeError):
 
 
 class ArityError(InvalidKnowledgeError):
-    """The number of arguments is not the number of parameters."""
+    """The number of arguments differs from the number of parameters."""
 
 
 class TypeMismatchError(InvalidKnowledgeError):
@@ -154,7 +154,7 @@ class PddlError(InvalidKnowledgeError):
         self.found, self.expected, self.nesting = found, expected, nesting
 
 
-# A system's longest names may be of 4,096 bytes, but what is no name at all has no end.
+# The longest names of a system may have 4,096 bytes, but text that is not a name may be endless.
 _LONGEST_NAME = 1_000
 
 
@@ -192,7 +192,7 @@ class ConflictError(KantSqlError):
 
 
 class DivergedError(ConflictError):
-    """Two stores have different histories of a knowledge base of one name; nothing was written.
+    """Two stores have different histories of a knowledge base; nothing was written.
 
     Attributes:
         revision: the first revision that differs.
@@ -226,7 +226,7 @@ class MergeConflictError(ConflictError):
 
 
 class DependantsError(KantSqlError):
-    """A redefinition was refused because live knowledge depends on the present definition.
+    """Live knowledge depends on the present definition; the redefinition was refused.
 
     Attributes:
         dependants: the PDDL text of each dependent element.
@@ -238,11 +238,11 @@ class DependantsError(KantSqlError):
 
 
 class ReadOnlyError(KantSqlError):
-    """You cannot write here: a past state, for example, is read-only."""
+    """This cannot be written: a past state, for example, is read-only."""
 
 
 class ReplicaError(KantSqlError):
-    """A local write to a replica, or a push into a knowledge base that is not a replica."""
+    """A local write to a replica, or a push to a knowledge base that is not a replica."""
 
 
 class NotApplicableError(KantSqlError):
@@ -262,7 +262,7 @@ class StaleRevisionError(KantSqlError):
 
     Attributes:
         expected: the revision that the caller expected.
-        actual: the revision that is the head.
+        actual: the revision of the head.
     """
 
     def __init__(self, message: str, expected: int, actual: int) -> None:
@@ -304,11 +304,11 @@ class SchemaMissingError(SchemaError):
 
 
 class SchemaOutdatedError(SchemaError):
-    """The tables are of an older version; migrations are pending."""
+    """The tables have an older version; run the migrations."""
 
 
 class SchemaTooNewError(SchemaError):
-    """The tables are of a newer version than this library knows."""
+    """The tables have a newer version than this library knows."""
 
 
 class StoreError(KantSqlError):
@@ -348,7 +348,7 @@ class StatementTimeoutError(StoreError):
 
 
 class QuestionCancelledError(StoreError):
-    """The question was cancelled, from another thread or by `Limit.cancel`."""
+    """The question was cancelled by `Limit.cancel`."""
 
 
 class ClosedError(StoreError):
@@ -359,13 +359,13 @@ class TransactionOpenError(StoreError):
     """A task, callback or context would wait for a transaction open in its own thread.
 
     Only the task and context that opened a transaction may use it; waiting for it in the same
-    thread would block the event loop for ever. The call has written nothing, and the open
+    thread would block the event loop forever. The call has written nothing, and the open
     transaction continues.
     """
 
 
 class TransactionCancelledError(StoreError):
-    """A call within an asynchronous transaction was cancelled; nothing of the block was written."""
+    """A call in an asynchronous transaction was cancelled; nothing of the block was written."""
 
 
 class OutcomeUnknownError(StoreError):
@@ -383,21 +383,21 @@ class StoreReplacedError(StoreError):
 
 
 class ForkedError(StoreError):
-    """The process was forked at a moment when SQLite cannot be shared with a child."""
+    """The process was forked at a moment at which a child cannot use SQLite."""
 
 
 class StoreIntegrityError(StoreError):
-    """A constraint of the database refused the write; nothing was written."""
+    """The content of the tables is damaged, or a constraint refused the write."""
 
 
 class RuleViolatedError(StoreIntegrityError):
-    """A rule that is kept with `on_violation="refuse"` would be violated; nothing was written.
+    """The write would violate a kept rule with `on_violation="refuse"`; nothing was written.
 
     Attributes:
         rule: the name of the rule.
-        instance: the violated rule, with objects for the variables of quantifiers around it.
-        reads: what the violation depends on: each `fact` or `value`, the predicate or function, and
-            its objects; None for any object.
+        instance: the violated rule, with objects for the variables of its outer quantifiers.
+        reads: the knowledge that the violation depends on: each `fact` or `value`, its predicate or
+            function, and its objects; None for any object.
     """
 
     def __init__(
@@ -422,7 +422,7 @@ class InvalidTimeoutError(InvalidArgumentError):
 
 
 class UnsupportedConstructError(KantSqlError):
-    """A construct has no exact counterpart on the other side."""
+    """A construct has no exact counterpart in the target format."""
 
 
 class PlannerMissingError(KantSqlError, ImportError):
@@ -449,7 +449,7 @@ class NoPlanError(KantSqlError):
         self.runs: tuple[Any, ...] = ()
 
 
-# Raised by code that reads damaged rows.
+# Code that reads damaged rows raises these.
 UNREADABLE = (
     ArithmeticError,
     AssertionError,
@@ -463,7 +463,7 @@ UNREADABLE = (
 
 
 def unreadable(table: str, key: object, error: Exception) -> StoreIntegrityError:
-    """Make the error for rows that raised another error when they were read."""
+    """Make the error for rows that cannot be read."""
     return StoreIntegrityError(
         f"table {table}, {key}: the rows cannot be read ({type(error).__name__}: "
         f"{printable(str(error))}); they were damaged, or changed by hand: 'kant-sql verify' shows "
@@ -472,13 +472,13 @@ def unreadable(table: str, key: object, error: Exception) -> StoreIntegrityError
 
 
 def few_of(items: Sequence[object], most: int, separator: str = "; ") -> str:
-    """Name the first of some things in a message, and say how many more there are."""
+    """Name the first items in a message, and the number of the others."""
     said, left = separator.join(map(str, items[:most])), len(items) - most
     return said if left <= 0 else f"{said}{separator.strip(' ,')} and {left} more"
 
 
 def missing_revision(label: str, name: object, number: object) -> StoreIntegrityError:
-    """Make the error for a revision that is missing, though the head is at it or at a later one."""
+    """Make the error for a missing revision up to the head."""
     return StoreIntegrityError(
         f"{label}: table head says that knowledge base {name!r} has revision {number!r}, which is "
         "missing in table revision: the head was altered, or revisions were removed: 'kant-sql "
@@ -488,7 +488,7 @@ def missing_revision(label: str, name: object, number: object) -> StoreIntegrity
 
 @contextmanager
 def needing(message: str) -> Iterator[None]:
-    """Raise `ExtraMissingError` with a message when the block cannot import something."""
+    """Raise `ExtraMissingError` with a message if an import in the block fails."""
     try:
         yield
     except ImportError as error:
@@ -497,7 +497,7 @@ def needing(message: str) -> Iterator[None]:
 
 @contextmanager
 def reading_rows(table: str, key: object) -> Iterator[None]:
-    """Raise `StoreIntegrityError`, which names the rows, when the block fails on their content."""
+    """Raise `StoreIntegrityError`, which names the rows, if the block fails on their content."""
     try:
         yield
     except InvalidKnowledgeError as error:
@@ -510,7 +510,7 @@ def reading_rows(table: str, key: object) -> Iterator[None]:
 
 
 def all_readable(table: str, rows: Sequence[R], make: Callable[[Sequence[R]], list[T]]) -> list[T]:
-    """Convert rows, which begin with their id; name the one that fails in the error."""
+    """Convert rows, which begin with their id; the error names the row that fails."""
     try:
         return make(rows)
     except UNREADABLE:
@@ -521,7 +521,7 @@ def all_readable(table: str, rows: Sequence[R], make: Callable[[Sequence[R]], li
 
 
 def each_readable(table: str, rows: Sequence[R], make: Callable[[R], T]) -> list[T]:
-    """Convert each row, which begins with its id; name the one that fails in the error."""
+    """Convert each row, which begins with its id; the error names the row that fails."""
     return all_readable(table, rows, lambda some: [make(row) for row in some])
 
 

@@ -41,7 +41,7 @@ __all__ = [
 
 
 def daos_only(factory: DaoFactory, lacked: str) -> InvalidUrlError:
-    """Return the error for what a family that is not built on an SQL store has not."""
+    """Make the error for a part that a family without an SQL store lacks."""
     return InvalidUrlError(
         f"{type(factory).__name__}: this DAO family lacks {lacked}; use an SQL store, such as "
         "sqlite:// or postgresql://"
@@ -52,13 +52,13 @@ class DaoFactory(ABC):
     """Creates the DAOs of one family, all on one knowledge base. Threads may share it.
 
     Attributes:
-        has_one_connection: whether threads take turns on one connection, so that a read waits for
-            a transaction that another thread has open.
-        queue: what its writers wait in: equal values are one queue; None where it is unknown.
-        patience: seconds that a call waits for another writer to end.
+        has_one_connection: whether threads take turns on one connection, so a read waits for an
+            open transaction of another thread.
+        queue: the queue of its writers: equal values are one queue; None if unknown.
+        patience: seconds that a call waits for another writer.
         name: the name of the knowledge base.
-        address: the URL of the store for people to read, without a password.
-        label: both, and which state it is.
+        address: the URL of the store for messages, without a password.
+        label: the name, the address and the state, for messages.
     """
 
     has_one_connection: bool = False
@@ -97,42 +97,42 @@ class DaoFactory(ABC):
         Within the `with` block, the calls of this task (or of this thread, outside of asyncio) are
         one transaction. Other writers wait, readers do not see it, and the end of the block commits
         it as one revision. An exception rolls it back. Other tasks, callbacks and copies of the
-        context never join the block: in its thread, their writes are refused.
+        context never join the block: their writes in its thread are refused.
 
         A nested block joins the outer one and keeps its metadata. An exception that leaves only the
-        nested block rolls back the nested block.
+        nested block rolls back only that.
 
         Args:
-            actor: who writes; by default the actor given to `connect`.
+            actor: who writes; by default the actor of `connect`.
             reason: why.
             source: where the knowledge comes from, as JSON values: a sensor, a plan's step.
-            expected_revision: the revision that the caller has read, for optimistic locking; a
-                nested block compares it with the revision that the outer one began from.
-            observed_at: when the knowledge was sensed, an aware time or a text of one, such as
-                `2 minutes ago`; stored beside the time of the commit.
-            valid_from: of when the block speaks, a time as `observed_at`: saving a fact or setting
-                a value says that it held from then on, deleting says that it did not. By default,
-                from now on.
-            valid_until: where that period is over, for one that ends in the past: the present stays
-                as it is. Definitions, goals and plans are not said of a period.
+            expected_revision: the revision that you have read, for optimistic locking; a nested
+                block compares it with the revision from which the outer one began.
+            observed_at: when the knowledge was sensed, an aware time or a text such as `2 minutes
+                ago`; stored beside the time of the commit.
+            valid_from: the beginning of the valid period, a time as for `observed_at`: saving a
+                fact or setting a value records that it held from then on, deleting that it did not.
+                By default now.
+            valid_until: the end of a valid period in the past: the present does not change.
+                Definitions, goals and plans have no valid period.
             execution: the running execution, a step of a recorded plan or not; the revision links
                 to it.
-            confirm: saving a fact that holds already confirms it; without, it does nothing.
+            confirm: whether saving a fact that already holds confirms it.
 
         Returns:
             The context manager.
 
         Raises:
-            StaleRevisionError: on entry, when the head is not the expected revision.
-            StoreBusyError: on entry, when other writers held the store for too long.
-            TransactionOpenError: on entry, when another task or context has a transaction open in
+            StaleRevisionError: on entry, if the head is not the expected revision.
+            StoreBusyError: on entry, if other writers held the store for too long.
+            TransactionOpenError: on entry, if another task or context has a transaction open in
                 this thread.
             ConnectionLostError: the connection was lost; nothing of the block was written.
-            InvalidMetadataError: actor, reason or source cannot be stored, or observed_at is not a
-                time with a zone.
-            InvalidArgumentError: a text is not a time; a period has no length, lies in the future,
-                or is another one than that of the block around this one.
-            PlanError: the execution is not of this knowledge base.
+            InvalidMetadataError: actor, reason or source cannot be stored, or observed_at has no
+                zone.
+            InvalidArgumentError: a text is not a time; a period is empty, in the future, or differs
+                from that of the outer block.
+            PlanError: the execution belongs to another knowledge base.
 
         Examples:
             >>> with kb.transaction(actor="executive", reason="navigation finished"):
@@ -146,7 +146,7 @@ class DaoFactory(ABC):
     def at(
         self, when: When | None = None, *, known: When | None = None, valid: When | None = None
     ) -> Self:
-        """Return the factory of a past state, as `KnowledgeBase.at`."""
+        """Return the factory of a past state, like `KnowledgeBase.at`."""
         raise daos_only(self, "past states")
 
     def branch(
@@ -156,16 +156,16 @@ class DaoFactory(ABC):
         at: When | None = None,
         url: str | None = None,
     ) -> DaoFactory:
-        """Begin a knowledge base with a state of this one, as `KnowledgeBase.branch`."""
+        """Create a knowledge base from a state of this one, like `KnowledgeBase.branch`."""
         raise daos_only(self, "branches")
 
     @property
     def revision(self) -> int:
-        """The number of the last revision, as `KnowledgeBase.revision`."""
+        """The number of the last revision, like `KnowledgeBase.revision`."""
         raise daos_only(self, "revisions")
 
     def close(self) -> None:  # noqa: B027  # a family may have nothing to close
-        """Close the connections, as `KnowledgeBase.close`."""
+        """Close the connections, like `KnowledgeBase.close`."""
 
     @abstractmethod
     def create_pddl_type_dao(self) -> daos.PddlTypeDao:
@@ -240,7 +240,7 @@ T = TypeVar("T")
 
 
 def _creates(find: Callable[[], Callable[[Store, int | None], T]]) -> Callable[[SqlDaoFactory], T]:
-    """Create what `find` names, whose module is imported then."""
+    """Create the class that `find` names, whose module it imports."""
     return lambda factory: find()(factory._open_store, factory._at)
 
 
@@ -269,7 +269,7 @@ class SqlDaoFactory(DaoFactory):
     def one_of_many(
         cls, backend: Backend, knowledge_base: str, actor: str | None, clock: str = COMMITTED
     ) -> Self:
-        """Open a knowledge base on connections that others share, without a statement."""
+        """Open a knowledge base on shared connections, without a statement."""
         made = object.__new__(cls)
         made._at = None
         made._take(Store(backend, knowledge_base, actor, clock, is_one_of_many=True))
@@ -299,13 +299,13 @@ class SqlDaoFactory(DaoFactory):
 
     @property
     def _open_store(self) -> Store:
-        """The store, unless it was closed."""
+        """The store; refuses a closed one."""
         self._store.refuse_closed()
         return self._store
 
     @property
     def state(self) -> State:
-        """What questions are asked of."""
+        """The state that questions read."""
         return State(self._open_store, self._at)
 
     create_pddl_type_dao = _creates(lambda: dao.type.SqlTypeDao)
@@ -353,7 +353,7 @@ class SqlDaoFactory(DaoFactory):
             from .acts.recording import check_execution, key_of
 
             step = key_of(execution)
-        # The number of a revision is refused there.
+        # That call refuses the number of a revision.
         seen, *given = (read_when(one) for one in (observed_at, valid_from, valid_until))
         own: Any = (actor, reason, source, expected_revision, seen, step, False, tuple(given))
         with self._open_store.transaction(*own) as transaction:
@@ -459,7 +459,7 @@ def create_dao_factory(
     """
     flag(read_only, "read_only", InvalidArgumentError)
     family = family_of(url)
-    # Other families know what they need.
+    # Other families check their own arguments.
     rest: dict[str, Any] = {"read_only": True} if read_only else {}
     if clock != COMMITTED:
         rest["clock"] = clock

@@ -1,8 +1,8 @@
-"""What notebooks show: bounded tables in HTML, in which all that was stored is data.
+"""The display in notebooks: bounded tables in HTML, with all stored text escaped.
 
-A notebook asks a value for `_repr_html_`, and shows what it returns without a check. So every text
-is escaped, characters that reorder or hide text are written out, and a result of a million rows
-takes a few.
+A notebook calls `_repr_html_` of a value, and shows the result without a check. So every text is
+escaped, characters that reorder or hide text are written out, and a result of a million rows shows
+a few.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from typing import Generic, TypeVar
 
 from .errors import KantSqlError, printable
 
-# Rows of a table, lines that a cell should have, and characters of a text.
+# Limits: rows of a table, lines of a cell, and characters of a text.
 ROWS = 50
 LINES = 10
 LENGTH = 200
 
 _CELL = 'style="text-align:left;vertical-align:top"'
 _TIME = 'style="text-align:left;vertical-align:top;white-space:nowrap"'
-# What has no width, or only turns the direction of text, and is not a control to `printable`.
-# (Joiners, which writing in some languages needs, stay.)
+# Characters without width, or that only turn the direction of text, and that `printable` does not
+# escape. (Joiners, which some languages need, stay.)
 _UNSEEN = re.compile(
     r"[\u00ad\u034f\u061c\u115f\u1160\u17b4\u17b5\u180b-\u180f\u200b\u200e\u200f\u2060-\u206f"
     r"\u3164\ufeff\uffa0\ufff9-\ufffb\U000e0000-\U000e0fff]"
@@ -38,18 +38,18 @@ T = TypeVar("T")
 
 
 def row_of(item: object, noun: str) -> Row:
-    """Return an item as a row: its own, or its text under its noun."""
+    """Return the row of an item: its own, or its text under its noun."""
     make: Callable[[], Row] | None = getattr(item, "_html_row_", None)
     return {noun: str(item)} if make is None else make()
 
 
 def visible(text: str) -> str:
-    """Write out the characters that control, reorder or hide text, as JSON does."""
+    """Escape the characters that control, reorder or hide text, as JSON does."""
     return _UNSEEN.sub(lambda match: json.dumps(match[0])[1:-1], printable(text))
 
 
 def cut(text: str, length: int = LENGTH) -> str:
-    """Return the beginning of a text; of a long one, how long it is, too."""
+    """Return the beginning of a text; for a long one, with its length."""
     if len(text) <= length:
         return text
     return f"{text[:length]}... ({len(text):,} characters)"
@@ -74,11 +74,11 @@ def heading(text: str) -> str:
 
 
 def table(rows: Sequence[Row], *, more: str = "") -> str:
-    """Return rows as a table, without the columns that are empty in all of them.
+    """Return rows as a table, without columns that are empty in all rows.
 
     Args:
         rows: the rows to show, all with the same columns.
-        more: what is said of those that are left out.
+        more: the text about omitted rows.
     """
     names = rows[0] if rows else ()
     columns = [name for name in names if any(_is_said(row[name]) for row in rows)]
@@ -98,7 +98,7 @@ def _is_said(value: object) -> bool:
 
 
 def more(left: int) -> tuple[str, ...]:
-    """Say how many are left out, if any."""
+    """Write the number of omitted items, if any."""
     return (f"and {left:,} more",) if left else ()
 
 
@@ -113,7 +113,7 @@ def listing(items: Sequence[object], noun: str) -> str:
 
 
 def titled(rows: Sequence[Row], count: int, noun: str) -> str:
-    """Return the first rows of so many as a table under their number."""
+    """Return the first rows as a table under the number of all."""
     title = heading(counted(count, noun))
     return title + table(rows, more="".join(more(count - len(rows)))) if rows else title
 
@@ -129,7 +129,7 @@ def fields(row: Row) -> str:
 
 
 def lines(text: str) -> str:
-    """Return a text of lines as they are, the first ones of many."""
+    """Return the first lines of a text unchanged."""
     every = text.split("\n")
     said = [shown_text(line) for line in every[:ROWS]]
     if len(every) > ROWS:
@@ -139,7 +139,7 @@ def lines(text: str) -> str:
 
 
 def guarded(make: Callable[[], str]) -> str:
-    """Return what a read makes, or why it failed: a notebook shows no value for an error."""
+    """Return the result of a read, or why it failed: a notebook shows nothing for an error."""
     try:
         return make()
     except KantSqlError as error:
@@ -147,7 +147,7 @@ def guarded(make: Callable[[], str]) -> str:
 
 
 class OneRow:
-    """A result that notebooks show as its row: a line for each of its fields."""
+    """A result that notebooks show as a table of its fields."""
 
     def _html_row_(self) -> Row:
         raise NotImplementedError
@@ -174,7 +174,7 @@ class Listing(list[T]):
 
 
 class Feed(Iterator[T_co], Generic[T_co]):
-    """An iterator whose first page notebooks show, read afresh: to show it consumes nothing."""
+    """An iterator whose first page notebooks show; they read it separately, and consume nothing."""
 
     def __init__(
         self, read: Callable[[int | None], Iterator[T_co]], limit: int | None, *, noun: str
@@ -182,19 +182,19 @@ class Feed(Iterator[T_co], Generic[T_co]):
         """Begin to read.
 
         Args:
-            read: reads so many of the first items, or all.
-            limit: the greatest number of items.
+            read: reads a number of the first items, or all.
+            limit: the maximum number of items.
             noun: what one is called.
         """
         self._items = read(limit)
-        self._peeked: list[T_co] = []  # the next item, once somebody has asked whether there is one
+        self._peeked: list[T_co] = []  # the next item, once `bool` has read it
         self._read, self._limit, self._noun = read, limit, noun
 
     def __next__(self) -> T_co:
         return self._peeked.pop() if self._peeked else next(self._items)
 
     def __bool__(self) -> bool:
-        """Return whether there is a next item, which is read and kept."""
+        """Return whether there is a next item, which it reads and keeps."""
         if not self._peeked:
             self._peeked += islice(self._items, 1)
         return bool(self._peeked)

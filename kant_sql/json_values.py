@@ -1,8 +1,8 @@
-"""Results as JSON: what the command line writes and the web answers.
+"""Results as JSON, for the command line and the web.
 
-A result is a frozen dataclass or a NamedTuple, and its document has its public fields, in their
-order. A class whose document differs has the names of it in `_json_`, where `*name` stands for all
-names of that field's own document, and `key=name` for a field under another key.
+A result is a frozen dataclass or a NamedTuple, and its document has its public fields, in order. A
+class with another document lists its names in `_json_`: `*name` means all names of that field's own
+document, and `key=name` a field under another key.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class JsonField(NamedTuple):
 
 @cache
 def json_fields(kind: type) -> tuple[JsonField, ...] | None:
-    """Return what the document of a class has; None of a class that is not a result."""
+    """Return the fields of the document of a class; None for a class that is not a result."""
     names: tuple[str, ...] | None = getattr(kind, "_json_", None)
     if names is None and is_dataclass(kind):
         names = tuple(one.name for one in fields(kind) if not one.name.startswith("_"))
@@ -51,12 +51,12 @@ def _field(said: str) -> JsonField:
 
 
 def json_value(value: object) -> JsonValue:
-    """Return a result as JSON data, or whatever has results in it.
+    """Convert a result, or a value that contains results, to JSON data.
 
     Times are in UTC, as 2026-03-02T14:03:00.000000Z; decimal numbers are strings.
 
     Raises:
-        TypeError: there is no JSON for a value of this class.
+        TypeError: a value of this class has no JSON form.
     """
     kind: type = type(value)
     return _writer(kind)(value)

@@ -1,4 +1,4 @@
-"""The front door: a knowledge base with its DAOs and questions, and a store of many of them."""
+"""The front door: a knowledge base with its DAOs and questions, and a store of many."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from .sql.schema import ensure_schema
 from .store.state import State
 from .store.store import close_backend
 
-# What is public besides the names that `kant_sql` has.
+# Public names that `kant_sql` does not export.
 __all__ = ["Executions", "KeptRules", "Operations", "PddlParts"]
 
-# Revisions that a notebook shows of a knowledge base.
+# Revisions of a knowledge base that a notebook shows.
 _LATEST = 5
-# Of these, writers take all but one.
+# Writers take all but one of them.
 CONNECTIONS, FEWEST_CONNECTIONS = 8, 2
 
 P = ParamSpec("P")
@@ -36,7 +36,7 @@ R = TypeVar("R")
 
 
 class Front:
-    """What users ask: a knowledge base, or one of its parts."""
+    """A knowledge base, or one of its parts."""
 
     def __init__(self, factory: DaoFactory, *, state: State | None = None) -> None:
         self._factory = expect(factory, DaoFactory, "the factory", InvalidArgumentError)
@@ -51,10 +51,10 @@ def factory_of(front: Front) -> DaoFactory:
 
 
 def state_of(front: Front) -> State:
-    """Return what functions of a state are asked of.
+    """Return the state that functions of a state read.
 
     Raises:
-        InvalidUrlError: the DAO family is not built on an SQL store, and has DAOs only.
+        InvalidUrlError: the DAO family has no SQL store, and so only DAOs.
         ClosedError: the store was closed.
     """
     state = front._state
@@ -66,7 +66,7 @@ def state_of(front: Front) -> State:
 
 
 def creates(create: Callable[[DaoFactory], R]) -> cached_property[R]:
-    """Bind a factory method: an attribute with the DAO, which is created on first use."""
+    """Bind a factory method: an attribute with the DAO, created on first use."""
 
     @wraps(create)
     def make(front: Front) -> R:
@@ -77,7 +77,7 @@ def creates(create: Callable[[DaoFactory], R]) -> cached_property[R]:
 
 
 class _Question:
-    """Make the method on first use, and put it in the place of this descriptor."""
+    """Makes the method on first use, and replaces this descriptor by it."""
 
     def __init__(self, make: Callable[[], Callable[..., Any]]) -> None:
         self._make = make
@@ -114,9 +114,9 @@ def _bound(
 def reads(
     find: Callable[[], Callable[Concatenate[State, P], R]],
 ) -> Callable[Concatenate[Front, P], R]:
-    """Bind a function of a state: a method with its docstring, arguments and defaults.
+    """Bind a function of a state as a method, with its docstring, arguments and defaults.
 
-    `find` names it. Its module is imported when the method is first asked for.
+    `find` returns it. Its module is imported on first use of the method.
     """
     return _bound(find, state_of)
 
@@ -124,19 +124,19 @@ def reads(
 def reviews(
     find: Callable[[], Callable[Concatenate[State, P], R]],
 ) -> Callable[Concatenate[Front, P], R]:
-    """Bind a function about a range of revisions, as `reads`; a state of valid time refuses it."""
+    """Bind a function about a range of revisions, like `reads`; states of valid time refuse it."""
     return _bound(find, state_of, is_of_range=True)
 
 
 def writes(
     find: Callable[[], Callable[Concatenate[State, P], R]],
 ) -> Callable[Concatenate[Front, P], R]:
-    """Bind a function that writes, as `reads`; views of the past refuse it."""
+    """Bind a function that writes, like `reads`; views of the past refuse it."""
     return _bound(find, _present_of)
 
 
 def _present_of(front: Front) -> State:
-    """Return what functions that write are called on; refuse a view of the past."""
+    """Return the state for functions that write; refuse a view of the past."""
     state = state_of(front)
     if state.at is not None:
         refuse_past(state.store, state.at)
@@ -146,7 +146,7 @@ def _present_of(front: Front) -> State:
 def delegates(
     method: Callable[Concatenate[DaoFactory, P], R],
 ) -> Callable[Concatenate[Front, P], R]:
-    """Bind a method of the factory, as `reads`."""
+    """Bind a method of the factory, like `reads`."""
 
     @wraps(method)
     def call(self: Front, /, *args: P.args, **kwargs: P.kwargs) -> R:
@@ -156,7 +156,7 @@ def delegates(
 
 
 def _method(bound: Callable[..., R]) -> Callable[..., R]:
-    """Show `self` in place of the state, to `help` and to who reads annotations."""
+    """Replace the state by `self` in the signature and the annotations."""
     shown = inspect.signature(bound)
     state, *others = shown.parameters.values()
     own = state.replace(name="self", annotation=inspect.Parameter.empty)
@@ -192,7 +192,7 @@ class PddlParts(Front):
 
 
 class KeptRules(Front):
-    """`kb.rules`: rules that are kept in the store, which report a violation or refuse it."""
+    """`kb.rules`: rules kept in the store, which report violations or refuse them."""
 
     get = reads(lambda: reasoning.kept_rules.get)
     get_all = reads(lambda: reasoning.kept_rules.get_all)
@@ -301,7 +301,7 @@ class KnowledgeBase(Front):
 
     @cached_property
     def rules(self) -> KeptRules:
-        """Rules that are kept in the store."""
+        """Rules kept in the store."""
         return KeptRules(self._factory, state=self._state)
 
     @cached_property
@@ -312,25 +312,24 @@ class KnowledgeBase(Front):
     def diff(
         self, a: When | KnowledgeBase, b: When | KnowledgeBase, *, clock: str = COMMITTED
     ) -> list[Change]:
-        """Compare two states. Recorded plans and archives belong to no state.
+        """Compare two states. Recorded plans and archives are not part of a state.
 
         Args:
             a: a revision, given as for `at`; or another knowledge base, in any store, such as a
                 branch.
-            b: another, before or after `a`.
+            b: likewise; before or after `a`.
             clock: `committed`, or `valid` to compare the states that were true at two times, as
-                known in this state; then a revision stands for its time.
+                known in this state; then a revision means its time.
 
         Returns:
             The changes from `a` to `b`: `+` for elements of `b` only, `-` for elements of `a` only,
-            sorted by sign, kind and text. For a knowledge base, pending changes of open
-            transactions count.
+            sorted by sign, kind and text. For knowledge bases, they include pending changes.
 
         Raises:
             UnknownRevisionError: there is no such revision yet, or a time lies in the future or
                 has no zone.
             ArchivedError: one of the states was moved to an archive.
-            InvalidArgumentError: there is no such clock, or a knowledge base is given with it.
+            InvalidArgumentError: there is no such clock, or `a` or `b` is a knowledge base.
 
         Examples:
             >>> _ = kb.propositions.save(PddlPropositionDto(robot_at, [rb1, wp2]))
@@ -365,12 +364,12 @@ class KnowledgeBase(Front):
         Args:
             when: a revision's number (0 is before the first), an aware time up to now, or a text of
                 either: `2026-01-31T09:30:00Z` (UTC unless it has a zone), `2 hours ago`,
-                `yesterday 14:03`, `now`. This is the state as known then.
-            known: the same by its name.
+                `yesterday 14:03`, `now`. It selects the state as known then.
+            known: the same as `when`, by name.
             valid: a time, for the state that was true then, as known now or at `known`. Facts and
                 values are those of that time, goals those of the known time; definitions are the
-                last ones of all elements known since. Questions about a range of revisions are
-                refused.
+                last ones of all elements known since. This state refuses questions about a range of
+                revisions.
 
         Returns:
             The same DAOs on that state.
@@ -379,8 +378,8 @@ class KnowledgeBase(Front):
             UnknownRevisionError: there is no such revision yet, the time lies in the future or has
                 no zone, or none of the three is given.
             InvalidArgumentError: a text is neither a revision's number nor a time, `valid` is not a
-                time, or the revision is given twice.
-            ArchivedError: a part of that state was moved to an archive.
+                time, or you gave both `when` and `known`.
+            ArchivedError: a part of that state is in an archive.
 
         Examples:
             >>> kb.at(0).propositions.get_all()
@@ -397,22 +396,22 @@ class KnowledgeBase(Front):
         at: When | None = None,
         url: str | None = None,
     ) -> Self:
-        """Begin a knowledge base with a state of this one, to try something out.
+        """Create a knowledge base from a state of this one, to try something out.
 
-        The branch gets the whole state: definitions, facts, goals and values, in the same order, so
-        that both write the same documents. (A domain or problem that was never loaded has the name
-        of its knowledge base, as does a branch without `name`.) Recorded plans and the history are
-        not copied. The first revision of the branch names this knowledge base, its
-        revision and that revision's hash in `source`, as `parent`, `revision` and `hash`; a branch
-        of an empty state has no revision yet.
+        The branch gets the whole state (definitions, facts, goals and values) in the same order, so
+        both write the same documents. (A domain or problem that was never loaded has the name of
+        its knowledge base, as does a branch without `name`.) Recorded plans and the history are not
+        copied. The first revision of the branch names this knowledge base, its revision and that
+        revision's hash in `source`, as `parent`, `revision` and `hash`; a branch of an empty state
+        has no revision yet.
 
         Args:
-            name: the name of the branch; None for that of this knowledge base.
+            name: the name of the branch; None for the name of this knowledge base.
             at: a revision, given as for `at`; None for the present, or for this past state.
             url: the store of the branch, on any dialect; a new SQLite file is created. None for
-                this store with a `name`, and without one for a store in memory, which ends when
-                the branch is closed. A store in memory that `connect` opened holds one knowledge
-                base, so that a branch of it is in another store in memory.
+                this store with a `name`, and without one for a store in memory, which closing the
+                branch deletes. A store in memory that `connect` opened holds one knowledge base, so
+                its branches are in other stores in memory.
 
         Returns:
             The branch, which writes as the same actor; close it like any knowledge base.
@@ -421,10 +420,10 @@ class KnowledgeBase(Front):
             ConflictError: the store has a knowledge base of that name.
             UnknownRevisionError: there is no such revision yet, or the time lies in the future or
                 has no zone.
-            ArchivedError: a part of that state was moved to an archive.
+            ArchivedError: a part of that state is in an archive.
             ReadOnlyError: the task or thread has a transaction open: pending changes have no
                 revision that the branch could name.
-            InvalidUrlError: the URL is not valid, or of a family that takes no branches.
+            InvalidUrlError: the URL is not valid, or its family has no branches.
 
         Examples:
             >>> with kb.branch() as trial:
@@ -437,20 +436,20 @@ class KnowledgeBase(Front):
     def merge_preview(
         self, branch: KnowledgeBase, *, decide: Mapping[str, Decision] | None = None
     ) -> Merge:
-        """Compare a branch with this knowledge base, as a merge would, and write nothing.
+        """Compare a branch with this knowledge base as a merge would, but write nothing.
 
         Args:
             branch: as for `merge`.
             decide: as for `merge`; decisions may be missing.
 
         Returns:
-            The changes, the conflicts with who wrote, when and why on both sides, and why the
-            result would be refused, if so. The latter, and rules that the result would break, need
-            a transaction, which is rolled back, so they are missing if this is read-only.
+            The changes; the conflicts with who wrote, when and why on both sides; and why the
+            result would be refused, if so. For the latter, and for rules that the result would
+            break, it writes and rolls back, so a read-only knowledge base has neither.
 
         Raises:
             ConflictError: this is not a branch of this knowledge base.
-            ArchivedError: a part of the changes of either side was moved to an archive.
+            ArchivedError: a part of the changes of either side is in an archive.
 
         Examples:
             >>> with kb.branch() as trial:
@@ -473,19 +472,18 @@ class KnowledgeBase(Front):
     ) -> Merge:
         """Merge the changes of a branch since it began, as one revision here.
 
-        The base is the state in which the branch began, or in which it was merged last. Changes
-        that only the branch has made since are applied. It is a conflict if both have changed an
-        element since and differ in it, if one has deleted an element that the other now uses, or if
-        the result would break a rule that refuses.
-        Definitions, facts, goals, values, rules, documents and sayings of periods are merged;
-        plans, executions and confirmations stay in the branch. The revision names the branch in
-        `source`, as `branch`, its `revision` and its `hash`, and the base here as `base`.
+        The base is the state in which the branch began, or was merged last. The merge applies
+        changes that only the branch has made since. A conflict is an element that both have changed
+        differently, an element that one has deleted and the other now uses, or a refusing rule that
+        the result would break. It merges definitions, facts, goals, values, rules, documents and
+        sayings about periods; plans, executions and confirmations stay in the branch. The revision
+        names in `source` the `branch`, its `revision` and its `hash`, and the `base` here.
 
         Args:
             branch: a branch of this knowledge base, in any store, or a past state of one.
-            decide: for each conflict its `element`, and `ours` to keep this side, or `theirs`.
-                Deciding for a deletion also deletes the elements that mention the deleted one. A
-                saying without a conflict is left out as `ours`.
+            decide: for each conflict its `element`, and `ours` to keep this side, or `theirs`. A
+                decision for a deletion also deletes the elements that mention the deleted one.
+                `ours` also leaves out a saying without a conflict.
             reason: why; by default `merged NAME at revision NUMBER`.
             actor: who merges; by default the knowledge base's actor.
             expected_revision: the last revision, as in a preview's `head`; None for any.
@@ -495,12 +493,12 @@ class KnowledgeBase(Front):
 
         Raises:
             MergeConflictError: conflicts are not decided; nothing was written.
-            RuleViolatedError: as decided, the result would violate a rule that refuses.
+            RuleViolatedError: with these decisions, the result would violate a refusing rule.
             ConflictError: this is not a branch of this knowledge base, definitions of one side do
                 not fit elements of the other, or a revision cannot have all sayings of the branch.
             StaleRevisionError: another writer came first.
-            InvalidArgumentError: a decision is not about a conflict.
-            ArchivedError: a part of the changes of either side was moved to an archive.
+            InvalidArgumentError: a decision matches no conflict.
+            ArchivedError: a part of the changes of either side is in an archive.
             ReadOnlyError: this is a view of the past, or one of the two has a transaction open.
 
         Examples:
@@ -517,16 +515,15 @@ class KnowledgeBase(Front):
     def revision(self) -> int:
         """The number of the last revision, 0 before the first.
 
-        Within a transaction, the revision that it began from; of a past state, its revision.
+        Within a transaction, the revision from which it began; for a past state, its revision.
         """
         return self._factory.revision
 
     def close(self) -> None:
         """Close the database connections. This deletes a store in memory.
 
-        Later calls raise `ClosedError`, on past states, too. An open transaction is rolled back: at
-        once if it is this thread's, else at the end of its block. Closing a past state does
-        nothing.
+        Later calls raise `ClosedError`, also on past states. An open transaction is rolled back:
+        this thread's at once, others at the end of their blocks. Closing a past state does nothing.
         """
         self._factory.close()
 
@@ -537,7 +534,7 @@ class KnowledgeBase(Front):
         return html.guarded(self._shown)
 
     def _shown(self) -> str:
-        """Write what the state holds, and who changed it last."""
+        """Write the counts of the state, and its last changes."""
         head = self.revision
         found = history.log.revisions(state_of(self), max(0, head - _LATEST))
         last = [each._html_row_() for each in found][::-1]
@@ -567,10 +564,10 @@ def connect(
             `postgresql://user@host/database` for a server.
         knowledge_base: the knowledge base's name; the first write creates it.
         actor: who writes, by default.
-        read_only: whether the database is to refuse all writes of these connections; each raises
-            `ReadOnlyError`. Nothing is created then, so that the store has to exist.
-        clock: `observed` for a transaction with `observed_at` to speak of the time from then on, as
-            with `valid_from`; one that is not before the store's clock speaks from now on.
+        read_only: whether the database refuses all writes of these connections; each raises
+            `ReadOnlyError`. The store must exist: nothing is created.
+        clock: `observed` to use `observed_at` of a transaction as its `valid_from`; if it is not
+            before the store's clock, the transaction is valid from now on.
 
     Returns:
         The knowledge base. A new SQLite file, or a store in memory, is created.
@@ -602,12 +599,12 @@ def connect(
 
 
 class KnowledgeStore:
-    """A store with all its knowledge bases, over a few connections that they share.
+    """A store whose knowledge bases share a few connections.
 
     Threads may share it. Use it as a context manager, or call `close`.
 
     Attributes:
-        connections: how many connections to a server there may be.
+        connections: the maximum number of connections to a server.
         catalog: pages of its knowledge bases, and searches by name.
     """
 
@@ -632,7 +629,7 @@ class KnowledgeStore:
 
     @property
     def address(self) -> str:
-        """The URL of the store for people to read, without a password."""
+        """The URL of the store for messages, without a password."""
         return self._backend.label
 
     @property
@@ -642,7 +639,7 @@ class KnowledgeStore:
 
     @property
     def writers(self) -> int:
-        """How many transactions can be open at once."""
+        """The maximum number of open transactions."""
         # One queue for all knowledge bases: there is one writer.
         is_one = self._backend.queue("a") == self._backend.queue("b")
         return 1 if is_one else self.connections - 1
@@ -650,10 +647,10 @@ class KnowledgeStore:
     def knowledge_base(
         self, name: str = "default", *, actor: str | None = None, clock: str = COMMITTED
     ) -> KnowledgeBase:
-        """Open a knowledge base on the connections of the store, without a statement.
+        """Open a knowledge base on the shared connections, without a statement.
 
-        Keep it for as long as it is of use: what it has read of definitions, and of up to 2,000
-        facts, saves statements. Closing it closes no connection.
+        Keep it while you use it: it caches definitions and up to 2,000 facts, which saves
+        statements. Closing it closes no connection.
 
         Args:
             name: the knowledge base's name; the first write creates it.
@@ -664,7 +661,7 @@ class KnowledgeStore:
             The knowledge base.
 
         Raises:
-            InvalidMetadataError: this cannot name a knowledge base.
+            InvalidMetadataError: `name` cannot name a knowledge base.
             ClosedError: the store was closed.
 
         Examples:
@@ -680,7 +677,7 @@ class KnowledgeStore:
         return KnowledgeBase(self._family.one_of_many(self._backend, name, actor, clock))
 
     def knowledge_bases(self) -> list[Inventory]:
-        """List the knowledge bases that have a revision, the oldest first.
+        """List the knowledge bases that have a revision, oldest first.
 
         Returns:
             The knowledge bases, oldest first.
@@ -690,8 +687,7 @@ class KnowledgeStore:
     def close(self) -> None:
         """Close all knowledge bases and all connections. This deletes a store in memory.
 
-        Open transactions are rolled back: those of this thread at once, others at the end of their
-        blocks.
+        Open transactions are rolled back: this thread's at once, others at the end of their blocks.
         """
         close_backend(self._backend)
 
@@ -707,24 +703,24 @@ class KnowledgeStore:
 
 
 def open_store(url: str, *, connections: int = 8, read_only: bool = False) -> KnowledgeStore:
-    """Open a store to work with many of its knowledge bases over a few connections.
+    """Open a store, to work with many knowledge bases over a few connections.
 
-    A transaction holds a connection until its block ends. One connection is kept for those who
-    only read, so one fewer than `connections` can write at once; further writers wait without a
-    connection, for up to 20 s, as those do who read. All who watch share one further connection.
+    A transaction holds a connection until its block ends. One connection is reserved for reading,
+    so one fewer than `connections` can write at once; other writers and readers wait without a
+    connection, for up to 20 s. All watchers share one more connection.
 
     Args:
         url: the database URL, as for `kant_sql.connect`.
-        connections: how many connections to a server there may be, besides that of the watchers;
-            at least 2. A file, or a store in memory, needs no limit.
-        read_only: whether the database is to refuse all writes of these connections.
+        connections: the maximum number of connections to a server, besides that of the watchers; at
+            least 2. A file, or a store in memory, needs no limit.
+        read_only: whether the database refuses all writes of these connections.
 
     Returns:
         The store. A new SQLite file, or a store in memory, is created.
 
     Raises:
-        InvalidUrlError: the URL is not valid, or of a DAO family that shares no connections.
-        InvalidArgumentError: there would be fewer than 2 connections.
+        InvalidUrlError: the URL is not valid, or its DAO family shares no connections.
+        InvalidArgumentError: `connections` is less than 2.
         SchemaMissingError: the database has no kant_sql tables.
         SchemaOutdatedError: migrations are pending.
         SchemaTooNewError: the tables are of a newer version of the library.

@@ -1,4 +1,4 @@
-"""What is imported when it is first asked for: most programs ask few of the questions there are."""
+"""Imports on first use: most programs use few of the questions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def asked_for(package: str, homes: Mapping[str, Iterable[str]] = _NONE) -> Calla
 
     Args:
         package: its name.
-        homes: a module, relative to the package -> the names of it that the package has, too.
+        homes: a module, relative to the package -> the names that the package exports from it.
     """
     home = {name: module for module, names in homes.items() for name in names}
 

@@ -1,7 +1,7 @@
-"""Limits of questions: how long a statement may take, and ending it from another thread.
+"""Limits of questions: the time of a statement, and cancelling it from another thread.
 
-A limit is kept in a context variable, so that it reaches the calls of `kant_sql.aio`, and what
-`asyncio.to_thread` runs, too.
+A context variable keeps the limit, so that it reaches the calls of `kant_sql.aio` and
+`asyncio.to_thread`.
 """
 
 from __future__ import annotations
@@ -19,12 +19,11 @@ from .errors import InvalidArgumentError, QuestionCancelledError
 
 __all__ = ["Limit", "limited"]
 
-# Seconds that a call waits for another writer to end, unless the URL says otherwise.
+# Seconds that a call waits for another writer, unless the URL sets them.
 PATIENCE = 20.0
-# Seconds until a statement that still runs is stopped again: a server ignores a request to cancel
-# that comes before the statement does.
+# Seconds until another request to cancel: a server ignores one that arrives before the statement.
 STOP_AGAIN = 0.05
-# Seconds that `cancel` waits at most.
+# The maximum wait of `cancel`, in seconds.
 CANCEL_WITHIN = 5.0
 
 
@@ -32,18 +31,18 @@ class Limit:
     """The limit of the questions in a `limited` block. Threads may share it.
 
     Attributes:
-        seconds: how long each statement may take; infinite without a limit.
+        seconds: the maximum time of each statement; infinite without a limit.
     """
 
     def __init__(self, seconds: float | None = None, *, outer: Limit | None = None) -> None:
-        """Create a limit; `limited` makes the questions of a block obey it.
+        """Create a limit; `limited` applies it to the questions of a block.
 
         Args:
             seconds: how long each statement may take; None for as long as it takes.
-            outer: the limit of the block around this one, which is obeyed, too.
+            outer: the limit of the outer block, which also applies.
         """
         self.seconds: float = seconds_of(seconds)
-        # Those that are obeyed, this one first, and the sessions that obey this one.
+        # The limits that apply, this one first, and the sessions under this one.
         self._all: tuple[Limit, ...] = (self,)
         self._obeying: set[StatementGuard] = set()
         self._changed = threading.Condition()
@@ -55,22 +54,22 @@ class Limit:
 
     @property
     def is_cancelled(self) -> bool:
-        """Whether this limit, or one around it, was cancelled."""
+        """Whether this limit or an outer one was cancelled."""
         return any(each._is_cancelled for each in self._all)
 
     def cancel(self) -> None:
-        """End the questions that run in the block, and refuse further ones; from any thread.
+        """End the running questions of the block, and refuse further ones; from any thread.
 
-        They raise `QuestionCancelledError`. The call returns when no statement of the block runs
-        any more, or after some seconds. It may open a connection to the server, so that an event
-        loop calls it in a thread.
+        They raise `QuestionCancelledError`. The call returns when no statement of the block is
+        running, or after some seconds. It may open a connection to the server, so call it in a
+        thread from an event loop.
         """
         deadline, pause = time.monotonic() + CANCEL_WITHIN, STOP_AGAIN
         with self._changed:
             self._is_cancelled = True
             while (running := self._running()) and time.monotonic() < deadline:
-                # The lock is held: a question that ends now waits with its connection, which the
-                # next one is to get in peace.
+                # Under the lock: a question that ends now keeps its connection for a moment, so the
+                # next one gets it undisturbed.
                 for question in running:
                     # A server that does not answer makes each request wait.
                     if time.monotonic() < deadline:
@@ -82,10 +81,10 @@ class Limit:
         return [question for question in self._obeying if question.is_running]
 
     def check(self) -> None:
-        """Raise if the limit was cancelled: for work between statements.
+        """Raise if the limit was cancelled, for work between statements.
 
         Raises:
-            QuestionCancelledError: it was.
+            QuestionCancelledError: the limit was cancelled.
         """
         if self.is_cancelled:
             raise QuestionCancelledError(
@@ -97,8 +96,8 @@ class Limit:
 class StatementGuard:
     """The statements of one session while it obeys a limit: a `with` block around each.
 
-    `is_running` is whether one is on its way or runs, `was_stopped` whether the database was asked
-    to end one.
+    `is_running`: a statement is on its way or running; `was_stopped`: the database was asked to end
+    one.
     """
 
     __slots__ = ("_changed", "_deadline", "_stop", "cursor", "is_running", "limit", "was_stopped")
@@ -112,13 +111,13 @@ class StatementGuard:
         self._deadline = 0.0
 
     def join(self) -> None:
-        """Let the statements obey from now on."""
+        """Apply the limit from now on."""
         with self._changed:
             for each in self.limit._all:
                 each._obeying.add(self)
 
     def leave(self) -> None:
-        """Let them obey no more; nothing is stopped once this returns."""
+        """End the limit; after this returns, nothing is stopped."""
         with self._changed:
             self.is_running = False
             for each in self.limit._all:
@@ -126,12 +125,12 @@ class StatementGuard:
             self._changed.notify_all()
 
     def stop(self) -> None:
-        """Ask the database to end the statement that runs."""
+        """Ask the database to end the running statement."""
         self.was_stopped = True
         self._stop()
 
     def is_over(self) -> bool:
-        """Return whether the statement that runs must end; SQLite asks this from time to time."""
+        """Return whether the running statement must end; SQLite calls this regularly."""
         return time.monotonic() > self._deadline or self.limit.is_cancelled
 
     def __enter__(self) -> None:
@@ -147,7 +146,7 @@ class StatementGuard:
 
 
 class GuardedCursor:
-    """A driver's cursor whose statements, and the fetching of their rows, obey a limit."""
+    """A driver's cursor that runs statements and fetches rows under a limit."""
 
     rowcount: int
 
@@ -170,7 +169,7 @@ class GuardedCursor:
         return result
 
     def fetchall(self) -> list[tuple[Any, ...]]:
-        """Fetch the remaining rows, which SQLite finds only now."""
+        """Fetch the remaining rows, which SQLite only computes now."""
         with self._guard:
             rows: list[tuple[Any, ...]] = self._cursor.fetchall()
             return rows
@@ -185,28 +184,28 @@ class GuardedCursor:
         return getattr(self._cursor, name)
 
 
-# What the questions of this context obey.
+# The limit of this context.
 LIMIT: ContextVar[Limit | None] = ContextVar("kant_sql_limit", default=None)
 
 
 @contextmanager
 def limited(seconds: float | None = None) -> Iterator[Limit]:
-    """Limit the questions asked within a `with` block, and allow to cancel them.
+    """Limit the questions within a `with` block, and allow cancelling them.
 
-    All reads of this context obey, of whichever knowledge base: also those that `kant_sql.aio` and
+    All reads of this context obey it, on any knowledge base, also those that `kant_sql.aio` and
     `asyncio.to_thread` run in other threads. Writes, and reads within an open transaction, do not:
-    they hold a lock that others wait for already. A block within another one obeys both.
+    they hold a lock that others wait for. A nested block obeys both limits.
 
     Args:
-        seconds: how long the database may take for each statement; None for as long as it takes.
+        seconds: the maximum time of each statement in the database; None for no limit.
 
     Yields:
         The limit, whose `cancel` may be called from any thread.
 
     Raises:
-        StatementTimeoutError: from a call within the block, a statement took too long.
-        QuestionCancelledError: from a call within the block, the limit was cancelled.
-        InvalidTimeoutError: it is not a number of seconds.
+        StatementTimeoutError: a statement of a call in the block took too long.
+        QuestionCancelledError: the limit was cancelled during a call in the block.
+        InvalidTimeoutError: `seconds` is not a number of seconds.
 
     Examples:
         >>> with limited(seconds=5):
@@ -226,7 +225,7 @@ def limited(seconds: float | None = None) -> Iterator[Limit]:
 
 @contextmanager
 def obeying(limit: Limit) -> Iterator[None]:
-    """Let the questions asked within a `with` block obey a limit that was made before."""
+    """Apply an existing limit to the questions within a `with` block."""
     token = LIMIT.set(limit)
     try:
         yield

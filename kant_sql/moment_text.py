@@ -23,7 +23,7 @@ _DAY = re.compile(
 )
 
 
-# A revision's number, a time, or one of them as `parse_moment` reads it.
+# A revision's number, a time, or a text for `parse_moment`.
 When = int | datetime | str
 Moment = int | datetime
 
@@ -37,7 +37,7 @@ def read_when(when: When | None) -> Moment | None: ...
 
 
 def read_when(when: When | None) -> Moment | None:
-    """Return a revision's number or a time, which may be given as text."""
+    """Return a revision's number or a time, also from text."""
     return parse_moment(when) if isinstance(when, str) else when
 
 

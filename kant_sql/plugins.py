@@ -1,4 +1,4 @@
-"""Plugins: modules that the library does not know, joined by entry points, loaded on first need."""
+"""Plugins: external modules, found by entry points and loaded on first use."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Plugins(Generic[P_co]):
         self.group = group
 
     def names(self) -> tuple[str, ...]:
-        """Return the names of the plugins that are installed, sorted."""
+        """Return the names of the installed plugins, sorted."""
         return tuple(sorted(self._entries()))
 
     def get(self, name: str) -> P_co | None:
@@ -52,7 +52,7 @@ class Plugins(Generic[P_co]):
 
 @cache
 def _entries(group: str, path: tuple[str, ...]) -> Mapping[str, EntryPoint]:
-    """Find the entry points of a group on a path; the first of a name counts."""
+    """Find the entry points of a group on a path; the first one of a name counts."""
     # Imported on first need: it takes a tenth of the time of `import kant_sql`.
     from importlib.metadata import entry_points
 

@@ -1,7 +1,6 @@
 """The DAO family of `http://` and `https://`: the DAOs of a server, `kant-sql serve`.
 
-What a write returns is asked for until there is an answer, under one `Idempotency-Key`: it is
-written once.
+A write is repeated under one `Idempotency-Key` until there is an answer, so it is written once.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ from kant_sql.plans import PlanDao
 from kant_sql.store.ownership import Block, block_ahead, own_block
 
 TIMEOUT = 60.0
-# Seconds before each repetition of what had no answer.
+# Seconds before each repetition of an unanswered request.
 PAUSES = (0.0, 0.1, 0.5, 2.0)
 _URL = "https://:TOKEN@HOST:PORT/KNOWLEDGE_BASE"
 _OPTIONS = ("timeout", "insecure")
@@ -47,7 +46,7 @@ _BULK = {"save_all", "delete_all", "confirm"}
 
 
 class _Place(NamedTuple):
-    """Where a server is, and what it is told: all that a URL says."""
+    """The server of a URL, with all options of the URL."""
 
     is_secure: bool
     host: str

@@ -1,4 +1,4 @@
-"""Executions: what was done, by whom, and what came of it."""
+"""Executions: acts with their actors and outcomes."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ class Execution(html.OneRow):
         start: the planned start, in seconds from the start of the plan; None in a plan without
             times.
         action: the action's name, or the name of an act without PDDL.
-        arguments: the objects' names, or what such a component said instead.
-        duration: seconds; None for an instantaneous action, or where it is not known.
+        arguments: the names of objects, or the texts that such a component reported.
+        duration: seconds; None for an instantaneous action, or if it is unknown.
         outcome: `running`, `succeeded`, `failed`, `aborted` or `refused`; None for a step that was
             not started.
-        code: the code of a failure, as the component that failed has them.
+        code: the code of a failure, as the component reported it.
         text: the message of a failure; for a refused act, the conditions that did not hold.
-        started_at: when it began, in UTC: as was reported, or when that was committed.
+        started_at: when it began, in UTC: the reported time, or that of the commit.
         ended_at: when it ended, in UTC; None before.
         actor: who began it.
         reason: why.
         source: where the order came from, as JSON values.
-        outcomes: each outcome that it had, with the revisions that set and ended it.
-        revisions: the numbers of the revisions that set an outcome of it, or that were made while
-            it ran and name it (`execution=`).
+        outcomes: each of its outcomes, with the revisions that set and ended it.
+        revisions: the numbers of the revisions that set its outcomes, or that name it
+            (`execution=`).
         knowledge_base: the name of the knowledge base that recorded it.
-        references: whether the action, and then each argument, is a name of the knowledge base.
+        references: for the action, then each argument: whether it is a name of the knowledge base.
 
-    An execution does not change after it is read. Within a transaction, `outcome`, `code` and
-    `text` include the transaction's own change; what is of revisions has committed ones only.
+    An execution does not change after you read it. Within a transaction, `outcome`, `code` and
+    `text` include the transaction's own change; fields about revisions cover committed ones only.
     """
 
     _json_ = (
@@ -84,7 +84,7 @@ class Execution(html.OneRow):
 
     @property
     def due_at(self) -> datetime | None:
-        """When it should end by its duration; None unless it runs and has one."""
+        """When it should end by its duration; None unless it is running and has a duration."""
         if self.outcome != "running" or self.started_at is None or self.duration is None:
             return None
         with suppress(OverflowError):
@@ -93,13 +93,13 @@ class Execution(html.OneRow):
 
     @property
     def revision(self) -> int | None:
-        """The revision that gave it its outcome; None before any, and until that is committed."""
+        """The revision that set its outcome; None before any, and until that is committed."""
         last = self.outcomes[-1] if self.outcomes else None
         return last.since.number if last is not None and last.until is None else None
 
     @property
     def place(self) -> str:
-        """Where it is: `execution 17`, or `step 3 of plan 12`."""
+        """How messages name it: `execution 17`, or `step 3 of plan 12`."""
         if self.plan_id is None:
             return f"execution {self.id}"
         return f"step {self.position} of plan {self.plan_id}"

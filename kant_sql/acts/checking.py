@@ -1,4 +1,4 @@
-"""Checks of acts that are recorded: steps of PDDL, and what components without PDDL report."""
+"""Checks of acts to record: steps of PDDL, and reports of components without PDDL."""
 
 from __future__ import annotations
 
@@ -104,7 +104,7 @@ class _StepCheck:
 def reported(
     definitions: Definitions, name: str, arguments: Sequence[str], duration: str | None = None
 ) -> ExecutionDefinition:
-    """Make an execution of what a component reports: names that are known become references."""
+    """Make an execution from a component's report: known names become references."""
     objects = [definitions.objects.named(one) for one in arguments]
     action = definitions.actions.named(name)
     if action is not None and (None in objects or len(objects) != len(action.parameters)):
@@ -122,7 +122,7 @@ def reported(
 
 
 def check_words(name: object, arguments: object) -> tuple[str, tuple[str, ...]]:
-    """Check the name and the arguments of an act that is reported."""
+    """Check the name and the arguments of a reported act."""
     role = "the name of the act"
     text = _word(name, role)
     if isinstance(arguments, str) or not isinstance(arguments, Iterable):

@@ -52,7 +52,7 @@ def get(state: State, execution: str | int) -> Execution | None:
         The execution, or None.
 
     Raises:
-        InvalidArgumentError: this is no id.
+        InvalidArgumentError: `execution` is not an id.
 
     Examples:
         >>> made = kb.executions.report("dock", outcome="failed", code="E4", text="no charger")
@@ -77,10 +77,10 @@ _LARGEST_POSITION = 2**31 - 1
 
 
 class ExecutionFilter(NamedTuple):
-    """Which executions are asked for; all conditions apply."""
+    """A filter of executions; all conditions apply."""
 
     action: str | None = None  # the action's name, or what a component called the act
-    object: str | None = None  # the name of an object that is among the arguments
+    object: str | None = None  # the name of an object among the arguments
     outcome: str | None = None  # the present outcome
     actor: str | None = None  # who began it
 
@@ -98,25 +98,25 @@ def get_all(
 ) -> Iterator[Execution]:
     """Read executions, those with the latest outcome first, in constant memory.
 
-    Steps of plans that were not started are left out.
+    It omits steps of plans that were not started.
 
     Args:
         action: the action's name, or the name of an act without PDDL.
-        object: an object that is among the arguments.
+        object: an object among the arguments.
         outcome: `running`, `succeeded`, `failed`, `aborted` or `refused`.
         actor: who began it.
         since: the first revision that set an outcome, or the earliest time; both inclusive.
-        until: the last revision that set an outcome, or the latest time; both inclusive. What ran
-            then and ended later is left out: `kb.at(until).executions` has it, as running.
+        until: the last revision that set an outcome, or the latest time; both inclusive. Acts that
+            were running then and ended later are omitted: `kb.at(until).executions` has them.
         limit: the maximum number of executions; None for all.
 
     Returns:
         The executions, read in pages on demand.
 
     Raises:
-        UnknownNameError: instead of none, if there never was such an action, object or actor.
+        UnknownNameError: there never was such an action, object or actor.
         UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
-        InvalidArgumentError: this is no outcome.
+        InvalidArgumentError: `outcome` is not an outcome.
 
     Examples:
         >>> _ = kb.executions.report("dock", outcome="failed", code="E4", text="no charger")
@@ -178,7 +178,7 @@ def _page(rare: str | None, wanted: frozenset[str], is_past: bool) -> Query:
         same = own.plan_id == _NOW.plan_id, own.position == _NOW.position
         rows = rows.where(named.where(*same).correlate(_NOW.kb_id.table).exists())
     if RUNNING in wanted:
-        # As a constant: few run, and have an index of their own.
+        # As a constant: few are running, and these have their own index.
         rows = rows.where(_NOW.outcome == constant(RUNNING))
     if "outcome" in wanted:
         rows = rows.where(_NOW.outcome == bindparam("outcome"))
@@ -186,7 +186,7 @@ def _page(rare: str | None, wanted: frozenset[str], is_past: bool) -> Query:
 
 
 def had_outcome(wanted: Collection[str], is_past: bool) -> list[Any]:
-    """Write that an outcome is the one now, or at a revision, and what a filter says of it."""
+    """Write the conditions that an outcome is current, or was at a revision, and fits a filter."""
     open_: Any = _NOW.until.is_(None)
     held = or_(open_, _NOW.until > integer("at")) if is_past else open_
     return [_NOW.since >= integer("low"), held, *([_began_by()] if "actor" in wanted else [])]
@@ -216,7 +216,7 @@ def _began_by() -> Any:
 
 
 def find_outcomes(state: State, since: When | None, until: When | None) -> tuple[int, int]:
-    """Find the first and last revision of outcomes; what is pending in a transaction counts."""
+    """Find the first and last revision of outcomes, including pending ones."""
     bounds = find_bounds(state, since, until)
     return bounds.low, LARGEST if until is None and state.at is None else bounds.high
 
@@ -240,7 +240,7 @@ Before = tuple[int, int, int]
 def read_page(
     state: State, asked: ExecutionFilter, low: int, before: Before, size: int
 ) -> tuple[list[Execution], Before | None]:
-    """Read executions before a place, and the place where the next page begins, if there is one."""
+    """Read executions before a position, and the position where the next page begins, if any."""
 
     def work(view: View) -> tuple[list[Execution], Before | None]:
         own = _find_names(view, asked)
@@ -269,7 +269,7 @@ def read_page(
 
 
 def _find_names(view: View, asked: ExecutionFilter) -> dict[str, Any] | None:
-    """Find the ids of what a filter names, as parameters; None if there never was the object."""
+    """Find the ids of the names in a filter, as parameters; None if the object never existed."""
     found: dict[str, Any] = {}
     for kind, name in (("action", asked.action), ("object", asked.object)):
         if name is None or view.kb_id is None:
@@ -290,7 +290,7 @@ def _counted(view: View, what: str, own: dict[str, Any]) -> int:
 
 
 def _refuse_unknown(store: Store, asked: ExecutionFilter) -> None:
-    """Refuse names that never were: there is no execution of them."""
+    """Refuse names that never existed."""
 
     def work(view: View) -> str | None:
         own = _find_names(view, asked)
@@ -320,12 +320,12 @@ def report(
     ended_at: datetime | str | None = None,
     reason: str | None = None,
 ) -> Execution:
-    """Record an act of a component, in one revision, without conditions and effects.
+    """Record a component's act in one revision, without checking conditions or writing effects.
 
     A component without PDDL, such as a behaviour tree or a state machine, reports its acts by a
-    name, or, once they run, by the execution. An executive that writes effects itself reports the
-    steps of a recorded plan in the same way: each is started once, and then succeeds, fails or is
-    aborted; one that was not started can be aborted, too.
+    name or, once they are running, by the execution. An executive that writes effects itself
+    reports the steps of a recorded plan in the same way: each is started once, and then succeeds,
+    fails or is aborted; a step that was not started can be aborted, too.
 
     Args:
         act: the name of the act; or a running execution, or a step of a recorded plan, to set its
@@ -334,17 +334,17 @@ def report(
         arguments: objects of the knowledge base, or any other texts.
         code: the code of a failure.
         text: a message.
-        started_at: when it began, if not now: an aware time or a text such as `2 minutes ago`.
-        ended_at: when it ended, likewise; an act that gets no other time began then, too.
+        started_at: when it began; by default now: an aware time or a text such as `2 minutes ago`.
+        ended_at: when it ended, likewise; without `started_at`, the act also began then.
         reason: the revision's reason.
 
     Returns:
-        The execution. If it has this outcome already, nothing is written.
+        The execution. If it already has this outcome, nothing is written.
 
     Raises:
-        PlanError: the execution is not known, or its present outcome does not allow this one; the
+        PlanError: the execution is unknown, or its present outcome does not allow this one; the
             name or an argument is not a text; or it ends before it begins.
-        InvalidArgumentError: this is not an outcome, or a text is not a time.
+        InvalidArgumentError: `outcome` is not an outcome, or a text is not a time.
         ReadOnlyError: this is a view of the past.
 
     Examples:
@@ -384,16 +384,16 @@ def fail(
     """Record that a running execution has failed. The changes of its start stay.
 
     Args:
-        execution: a running one, as `start` and `executions.report` return it.
+        execution: a running one, from `start` or `executions.report`.
         code: the code of the failure.
         text: a message.
         reason: the revision's reason.
 
     Returns:
-        The execution, with the outcome `failed`. If it has failed already, nothing is written.
+        The execution, with the outcome `failed`. If it already failed, nothing is written.
 
     Raises:
-        PlanError: it has another outcome than these two, or is not known.
+        PlanError: it has another outcome, or is unknown.
         ReadOnlyError: this is a view of the past.
 
     Examples:
@@ -412,7 +412,7 @@ def _said(
     started_at: datetime | str | None,
     ended_at: datetime | str | None,
 ) -> Said:
-    """Check what is said of an outcome."""
+    """Check the details of an outcome."""
     if code is not None and outcome != FAILED:
         raise PlanError(f"{shown(code)} is the code of a failure, but the outcome is {outcome!r}")
     given: Any = {"started_at": read_when(started_at), "ended_at": read_when(ended_at)}

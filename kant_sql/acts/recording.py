@@ -1,4 +1,4 @@
-"""Records executions and their outcomes, in a transaction, and reads them, as of a revision."""
+"""Records executions and their outcomes in a transaction, and reads them at a revision."""
 
 from __future__ import annotations
 
@@ -51,18 +51,18 @@ _SHOWN = {
     ABORTED: "was aborted",
     REFUSED: "was refused",
 }
-# What a step of a plan can be.
+# The outcomes of a step of a plan.
 STEP_OUTCOMES = (RUNNING, SUCCEEDED, FAILED, ABORTED)
 _WORD = re.compile(r'"(?:[^"\\]|\\.)*"|[^\s()"]+')
 _ID = re.compile(r"([1-9]\d{0,17})(?:\.(0|[1-9]\d{0,8}))?")
 
 
 class Said(NamedTuple):
-    """What is said of an outcome, besides what it is."""
+    """The details of an outcome."""
 
     code: str | None = None  # the code of a failure
-    message: str | None = None  # what is said of a failure, or did not hold
-    started_at: datetime | None = None  # when it began, if not when that was committed
+    message: str | None = None  # the message of a failure, or the conditions that did not hold
+    started_at: datetime | None = None  # when it began, if not at the commit
     ended_at: datetime | None = None  # when it ended, likewise
 
 
@@ -93,7 +93,7 @@ def parse_id(given: object) -> Key | None:
 
 
 def check_execution(transaction: Transaction, execution: Execution) -> None:
-    """Refuse an execution that is not of this knowledge base."""
+    """Refuse an execution of another knowledge base."""
     role = f"{execution.place}, {execution},"
     if execution.knowledge_base != transaction.name:
         raise PlanError(
@@ -116,7 +116,7 @@ def check_execution(transaction: Transaction, execution: Execution) -> None:
 def set_outcome(
     transaction: Transaction, execution: Execution, outcome: str, said: Said = NOTHING
 ) -> bool:
-    """Set the next outcome of an execution; return False when it has this outcome already."""
+    """Set the next outcome of an execution; return False if it already has this outcome."""
     check_execution(transaction, execution)
     key = key_of(execution)
     before = transaction.executions.now(key)
@@ -128,7 +128,7 @@ def set_outcome(
             f"{execution.place}, {execution}, {_SHOWN[now]}, so it cannot be {outcome!r} next"
         )
     if before is not None and said.started_at is None:
-        # It may take the place of the outcome before, or stay when that one is archived.
+        # It may replace the outcome before, or remain when that one is archived.
         said = said._replace(started_at=begun_at(before.text))
     transaction.executions.set(key, outcome, *check_order(said))
     return True
@@ -153,7 +153,7 @@ def _reads(mapped: type[t.Base], order: int, *names: str, known_from: str) -> di
     query = select(*read).where(columns.kb_id == KB).order_by(*read[:order])
     of_plans = columns.plan_id.between(integer("low"), integer("high"))
     one = columns.plan_id == integer("plan"), columns.position == integer("position")
-    # Without statistics, PostgreSQL would read all that began up to this revision.
+    # Without statistics, PostgreSQL would read everything that began up to this revision.
     upto = known + literal_column("0") <= integer("at")
     position = in_list(columns.position, "positions")
     return {
@@ -163,7 +163,7 @@ def _reads(mapped: type[t.Base], order: int, *names: str, known_from: str) -> di
     }
 
 
-# The text has the names, exactly: to look up each of them takes longer than all the rest.
+# The text has the exact names: looking up each would take longer than all the rest.
 _EXECUTIONS = _reads(t.ExecutionRow, 2, "since", "start", "duration", "text", known_from="since")
 _OUTCOMES = _reads(
     t.ExecutionVersionRow,
@@ -189,7 +189,7 @@ class _Held(NamedTuple):
 
 
 class ExecutionReader:
-    """Reads executions, as of one revision."""
+    """Reads executions at one revision."""
 
     def __init__(self, store: Store, view: View) -> None:
         self._name = store.name
@@ -282,7 +282,7 @@ class ExecutionReader:
         )
 
     def _time(self, said: Any, revision: Revision | None) -> datetime | None:
-        """Return the time that was reported, or that of a revision."""
+        """Return the reported time, or that of a revision."""
         if said is not None:
             return self._session.to_time(said)
         return None if revision is None else revision.committed_at
@@ -296,7 +296,7 @@ def parse_words(text: str) -> list[str]:
 
 
 def unstarted(name: str, key: Key, start: str | None, duration: str | None, text: str) -> Execution:
-    """Make an execution that has no outcome yet."""
+    """Make an execution without an outcome."""
     plan_id, position = key
     is_step = plan_id != NO_PLAN
     action, *arguments = parse_words(text)
@@ -330,7 +330,7 @@ def read_execution(store: Store, key: Key) -> Execution:
 
 _IDENTITY = table_of(t.ExecutionRow)
 _ACTION = of_execution(_IDENTITY.c.action_id, VERSIONS.c)
-# Those that run now are few among all that ever had an outcome.
+# Few are running, among all that ever had an outcome.
 RUNNING_NOW = Query(
     select(VERSIONS.c.plan_id, VERSIONS.c.position, _ACTION)
     .where(VERSIONS.c.kb_id == KB, VERSIONS.c.until.is_(None))
@@ -340,13 +340,13 @@ RUNNING_NOW = Query(
 
 
 def running_executions(store: Store) -> list[Execution]:
-    """Read the executions of actions that run now."""
+    """Read the running executions of actions."""
 
     def read(view: View) -> list[Execution]:
         if view.kb_id is None:
             return []
         rows = view.session.rows(RUNNING_NOW, kb=view.kb_id)
-        # What components report without PDDL is no action.
+        # Reports of components without PDDL are not actions.
         keys = [(plan_id, position) for plan_id, position, action in rows if action is not None]
         found = ExecutionReader(store, view).listed(keys)
         return [found[key] for key in keys if key in found]

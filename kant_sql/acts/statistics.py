@@ -1,4 +1,4 @@
-"""How often each action was done, how often it succeeded, and how long that took."""
+"""Statistics of executions: counts, success rates and durations of each action."""
 
 from __future__ import annotations
 
@@ -54,15 +54,15 @@ class Statistics:
         action: the action, or the name of an act without PDDL; None if not grouped by it.
         argument: an object or another word among the arguments; None if not grouped by it.
         arguments: all arguments together; None if not grouped by them.
-        actor: who began them; None if not grouped by it, or if nobody is named.
+        actor: who began them; None if not grouped by it, or if no actor was given.
         count: the number of executions, including refused ones.
-        running: the number that are running.
+        running: the number still running.
         succeeded: the number that succeeded.
         failed: the number that failed.
         aborted: the number that were aborted.
         refused: the number that were refused, and so not begun.
-        mean: the mean duration of those that succeeded or failed, in seconds; None without any.
-            What ended before it began, by two clocks, has no duration.
+        mean: the mean duration of those that succeeded or failed, in seconds; None without any. An
+            act that ended before it began, by two clocks, has no duration.
         median: their median duration, in seconds.
         percentile_95: the 95th percentile of their durations, in seconds.
         codes: the number of failures with each code, the most frequent first.
@@ -93,7 +93,7 @@ class Statistics:
 
     @property
     def success_rate(self) -> float | None:
-        """The share of success among those that succeeded or failed; None without any."""
+        """The share of successes among those that succeeded or failed; None without any."""
         decided = self.succeeded + self.failed
         return self.succeeded / decided if decided else None
 
@@ -132,22 +132,22 @@ def statistics(
     until: When | None = None,
     limit: int | None = None,
 ) -> list[Statistics]:
-    """Count executions and their outcomes, and measure how long they took, in groups.
+    """Count executions and outcomes in groups, with success rates and durations.
 
     Args:
         by: `action`; `argument`, which counts an execution for each of its arguments; `arguments`,
-            for all arguments together, with their action; `actor`, who began it. Empty: all are
-            one group.
-        actor: only of executions that this actor began.
-        since: only of outcomes from this revision or time on, as for `kb.executions.get_all`.
-        until: only of outcomes up to this revision or time.
+            for all arguments together, with their action; `actor`, who began it. Empty: one group
+            of all.
+        actor: only executions that this actor began.
+        since: only outcomes from this revision or time on, as for `kb.executions.get_all`.
+        until: only outcomes up to this revision or time.
         limit: the maximum number of groups; None for all.
 
     Returns:
         The groups, those with the most executions first.
 
     Raises:
-        UnknownNameError: instead of none, if there never was such an actor.
+        UnknownNameError: there never was such an actor.
         UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
         InvalidArgumentError: `by` names something else.
 
@@ -189,7 +189,7 @@ def statistics(
 def _unconfirmed(
     state: State, wanted: Sequence[str], actor: str | None, low: int, high: int
 ) -> Mapping[tuple[Any, ...], int]:
-    """Count the facts that are only expected, for each group of the acts of which they are."""
+    """Count the unconfirmed facts of each group of acts."""
     facts = Counter(act for version in unconfirmed(state) for act in version.acts)
     keys = [key for key in map(parse_id, facts) if key is not None]
 
@@ -247,7 +247,7 @@ def _name_of(kind: str, id_: Any) -> Any:
 
 
 def _outcomes(wanted: Sequence[str], of_actor: bool, is_past: bool) -> Any:
-    """Write the outcomes with what groups them."""
+    """Write the outcomes with their group columns."""
     now = _NOW.c
     columns = [now[name] for name in ("plan_id", "position", "since", "outcome", "code")]
     columns += [now.started_at, now.ended_at, began().label("began")]
@@ -265,7 +265,7 @@ def _outcomes(wanted: Sequence[str], of_actor: bool, is_past: bool) -> Any:
 
 
 def _with_each_argument(rows: Select[Any]) -> Select[Any]:
-    """Repeat each execution for each of its arguments; one that is there twice counts once."""
+    """Repeat each execution for each distinct argument."""
     own, before = _ARGUMENT.c, _ARGUMENT.alias("earlier").c
     of_execution = own.plan_id == _NOW.c.plan_id, own.position == _NOW.c.position
     earlier: Select[Any] = select(constant(1)).where(
@@ -284,7 +284,7 @@ def _committed(number: Any, column: str = "committed_at") -> Any:
 
 
 def _named(had: Any, wanted: Sequence[str]) -> list[Any]:
-    """Select what groups outcomes."""
+    """Select the group columns of outcomes."""
     names = [_committed(had.began, "actor") if one == "actor" else had[one] for one in wanted]
     return [one.label(name) for one, name in zip(names, wanted, strict=True)]
 
@@ -295,7 +295,7 @@ def _once(rows: Select[Any], name: str) -> Any:
 
 
 def _measured(wanted: Sequence[str], of_actor: bool, is_past: bool) -> Any:
-    """Write the outcomes with how many seconds those took that succeeded or failed."""
+    """Write the outcomes with the seconds of those that succeeded or failed."""
     had = _outcomes(wanted, of_actor, is_past).c
     begin = func.coalesce(had.started_at, _committed(had.began)).label("begin")
     end = func.coalesce(had.ended_at, _committed(had.since)).label("end_")

@@ -1,4 +1,4 @@
-"""`kant-sql acts`: what was done, by whom, and what came of it."""
+"""`kant-sql acts` and `statistics`: executions, their actors and outcomes."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def acts(
 ) -> None:
     """Show executions: by whom, why, and with which outcome.
 
-    Steps of plans that were not started are omitted, and with --until, what ended later.
+    It omits steps of plans that were not started and, with --until, acts that ended later.
     """
     if outcome is not None:
         c.require_word(outcome, OUTCOMES, "--outcome")
@@ -102,7 +102,7 @@ def _write_figures(printer: Printer, group: Statistics) -> None:
 
 
 def _write(printer: Printer, execution: Execution) -> None:
-    """Write an execution, and what is said of it."""
+    """Write an execution with its details."""
     outcome = execution.outcome or ""
     act = printable(str(execution))
     printer.line(f"{execution.id}  {act}  {outcome}", _STYLES.get(outcome, "bold"))

@@ -67,7 +67,7 @@ def query(
         answers = state.query(condition, parameters=parameters, limit=limit, **fixed)
         if sql:
             return answers.sql
-        # They are read from the state when they are first needed.
+        # Read from the state on first use.
         len(answers)
         return answers
 
@@ -124,7 +124,7 @@ def goals(
 ) -> int:
     """Show which goals hold; exit with 1 if one does not.
 
-    Preferences do not count. The value of the metric is shown, too.
+    Preferences do not count. It also shows the value of the metric.
     """
     name, revision, answer = c.ask_state(
         url,
@@ -201,7 +201,7 @@ def _write_goals(
 
 
 def write_failed(printer: Printer, parts: Iterable[FailedCondition], indent: str = "") -> None:
-    """Write what does not hold, and which revision retracted it."""
+    """Write the failed conditions, and the revisions that retracted facts."""
     for part in parts:
         printer.line(f"{indent}{part}")
         if part.retracted is not None:
@@ -211,7 +211,7 @@ def write_failed(printer: Printer, parts: Iterable[FailedCondition], indent: str
 def _write_end(
     printer: Printer, what: str, revision: Revision, indent: str, time: datetime | None = None
 ) -> None:
-    """Write a revision that began or ended something, or that said so of another time."""
+    """Write the revision at the beginning or end of a period, or of the saying about it."""
     if time is not None and time != revision.committed_at:
         printer.line(f"{indent}{'at' if what == 'in' else what} {time_text(time)}")
         what = "  said in"
@@ -231,7 +231,7 @@ def when(
 ) -> None:
     """Show when a condition held, and the revisions at both ends.
 
-    There are periods for all objects of its free variables; the earliest comes first.
+    The periods are those of all objects of its free variables, the earliest first.
     """
     url, (condition,) = _CONDITION.split(words)
     fixed = c.parse_fixed(fix)
@@ -294,13 +294,13 @@ def rules(
 ) -> int:
     """Judge the past by rules; exit with 1 if one is violated.
 
-    Exits with 3 if none is, but one was not judged, as no state of the range has all its names.
-    Rules are trajectory constraints of PDDL 3.0. Preferences do not count.
+    Exits with 3 if none is violated, but one was not judged: no state of the range has all its
+    names. Rules are trajectory constraints of PDDL 3.0. Preferences do not count.
     """
     url, given = _RULES.split(words)
     source = next(map(rules_source, given), None)
     if refuse and save is None:
-        raise typer.BadParameter("goes with --save", param_hint="--refuse")
+        raise typer.BadParameter("needs --save", param_hint="--refuse")
     of_range = bool(since or until or clock != COMMITTED)
     if save is not None or delete is not None:
         if of_range or kept or at or as_json or (given and save is None):
@@ -309,7 +309,7 @@ def rules(
         with c.open_to_read(url, kb, actor) as (_, knowledge_base):
             return _change_kept(knowledge_base, save, delete, source, refuse)
     if actor is not None:
-        raise typer.BadParameter("goes with --save or --delete", param_hint="--actor")
+        raise typer.BadParameter("needs --save or --delete", param_hint="--actor")
     if kept and (given or of_range):
         raise typer.BadParameter(
             "judges each rule since it was saved; leave out RULES, --since, --until and --clock",
@@ -345,7 +345,7 @@ def _change_kept(
 
 
 def rules_source(given: str) -> Source:
-    """Return rules that are given as text, as a file, or on standard input."""
+    """Return rules from a text, a file, or standard input."""
     if given == STANDARD_INPUT:
         return decode(*read_bytes(given))
     return given if given.lstrip()[:1] in ("(", ";") else Path(given)

@@ -1,4 +1,4 @@
-"""What the commands share: options, moments as people type them, and opening stores."""
+"""Shared code of the commands: options, moments as people type them, and opening stores."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 
 
 T = TypeVar("T")
-# What finds what a command is made of, by its name; and what plugins have for it.
+# Finds the function of a command by its name; and the loaded entry point of a plugin.
 Functions = Mapping[str, Callable[[], "Callable[..., object] | typer.Typer"]]
 Plug = Plugins[Callable[..., object]]
 DEFAULT_NAME = "default"
 JSON_OPTION = "--json"
-# What an SQLite file begins with.
+# The first bytes of an SQLite file.
 _SQLITE_FILE = b"SQLite format 3\0"
 
 _MOMENT = (
@@ -57,7 +57,7 @@ def option(
 
 
 def seconds(help_: str) -> typer.models.OptionInfo:
-    """Describe an option that is a number of seconds."""
+    """Describe an option in seconds."""
 
     def check(given: float | None) -> float | None:
         if given is not None and math.isnan(given):
@@ -68,7 +68,7 @@ def seconds(help_: str) -> typer.models.OptionInfo:
 
 
 def most(help_: str, least: int = 1) -> typer.models.OptionInfo:
-    """Describe the option for how many are shown."""
+    """Describe the option that limits the output."""
     return option(help_, "--limit", "-n", metavar="N", min=least)
 
 
@@ -78,9 +78,9 @@ def json_lines(noun: str) -> typer.models.OptionInfo:
 
 
 class CommandWords(NamedTuple):
-    """The words of a command: the URL, from them or from the environment, and the rest."""
+    """The words of a command: the URL, which may come from the environment, and the rest."""
 
-    usage: str  # what is optional behind the URL stands in square brackets
+    usage: str  # the words after the URL; optional ones in square brackets
     example: str
 
     def argument(self, help_: str) -> typer.models.ArgumentInfo:
@@ -94,8 +94,8 @@ class CommandWords(NamedTuple):
 
     def split(self, words: Sequence[str] | None) -> tuple[str, list[str]]:
         """Split them into the URL and the rest."""
-        # The first word is the URL if it has `://`, or is the path of an SQLite file; otherwise the
-        # variable has it.
+        # The first word is the URL if it has `://`, or is the path of an SQLite file; otherwise use
+        # the variable.
         words, wanted = words or (), self.usage.split()
         default = os.environ.get(URL_VARIABLE)
         is_given = bool(words) and _names_store(words[0], may_be_empty=not default)
@@ -114,7 +114,7 @@ class CommandWords(NamedTuple):
 
 def _names_store(word: str, may_be_empty: bool) -> bool:
     """Return whether a word is a URL or the path of an SQLite file: PDDL files are words, too."""
-    # Whoever opens a pipe waits.
+    # Opening a pipe would wait.
     if "://" in word or not os.path.isfile(word):
         return "://" in word
     with Path(word).open("rb") as file:
@@ -221,12 +221,12 @@ def parse_state(text: str | None, hint: str = "--at") -> int | datetime | None:
 def parse_range(
     since: str | None, until: str | None
 ) -> tuple[int | datetime | None, int | datetime | None]:
-    """Parse the first and the last moment of a range; None for an end that is open."""
+    """Parse the first and the last moment of a range; None for an open end."""
     return parse_optional(since, "--since"), parse_state(until, "--until")
 
 
 def require_word(given: str, words: Sequence[str], hint: str) -> None:
-    """Refuse a word that is not one of some."""
+    """Refuse a word that is not one of the given."""
     if given not in words:
         expected = f"{given!r}: expected one of {', '.join(words)}"
         raise typer.BadParameter(expected, param_hint=hint)
@@ -235,7 +235,7 @@ def require_word(given: str, words: Sequence[str], hint: str) -> None:
 _NAMES_SHOWN = 20
 _TERMINATING = "SIGTERM", "SIGHUP"
 _INTERRUPTED = 130
-# A service looks this often whether it shall stop, in seconds.
+# Seconds between a service's checks whether to stop.
 _SLICE = 0.2
 
 
@@ -264,7 +264,7 @@ def signals_raise() -> Iterator[None]:
 
 @contextmanager
 def _handled(before: Mapping[signal.Signals, Any], stop: Callable[..., None]) -> Iterator[None]:
-    """Handle signals in the block, and as before after it."""
+    """Handle signals in the block; restore the handlers after it."""
     for number in before:
         signal.signal(number, stop)
     try:
@@ -286,7 +286,7 @@ class Stop:
         return _INTERRUPTED if self.number == signal.SIGINT else 0
 
     def wait(self, seconds: float) -> None:
-        """Sleep until a signal: a sleep goes on after one that is handled."""
+        """Sleep until a signal: a plain sleep continues after a handled one."""
         end = time.monotonic() + seconds
         while not self.number and (left := end - time.monotonic()) > 0:
             time.sleep(min(left, _SLICE))
@@ -300,11 +300,11 @@ class Stop:
             signal.signal(number, before[signal.Signals(number)])
 
         numbers = signal.SIGTERM, signal.SIGINT
-        # What handles one is None where that is not a function of Python's.
+        # A handler is None if it is not a Python function.
         before: dict[signal.Signals, Any] = {
             number: signal.getsignal(number) or signal.SIG_DFL for number in numbers
         }
-        # What is ignored stays so, as below nohup.
+        # Ignored signals stay ignored, as under nohup.
         before = {number: then for number, then in before.items() if then is not signal.SIG_IGN}
         with _handled(before, stop):
             yield
@@ -342,8 +342,8 @@ def ask_state(
     question: Callable[[KnowledgeBase], T],
 ) -> tuple[str, int, T]:
     """Ask one state of a knowledge base; return its name, the revision and the answer."""
-    # The present is asked as such: its facts have indexes that those of the past lack. If somebody
-    # writes meanwhile, the state before is asked again.
+    # Query the present as such: its facts have indexes that past ones lack. If somebody writes
+    # meanwhile, query the state before again.
     when, moment = parse_state(at), parse_optional(valid, "--valid")
     with open_to_read(url, name) as (chosen, knowledge_base):
         if when is None and moment is None:
@@ -375,7 +375,7 @@ def choose(name: str | None, names: Sequence[str]) -> str:
 
 
 def unknown_element(kb: KnowledgeBase, name: str, element: str, what: str) -> UnknownNameError:
-    """Make the error for an element that was not found, with a similar name if there is one."""
+    """Make the error for an unknown element, with a similar name if there is one."""
     daos = (
         kb.types,
         kb.objects,
@@ -408,9 +408,9 @@ class Argument(TyperArgument):
 
 
 class CommandGroup(TyperGroup):
-    """Commands of the library, and of plugins: functions with annotations for Typer."""
+    """Commands of the library and of plugins: functions with annotations for Typer."""
 
-    # What finds the functions of commands, by their names, or an app of several.
+    # Finds the function of a command, or an app of several, by name.
     functions: ClassVar[Functions] = MappingProxyType({})
     plugins: ClassVar[Plug]  # the group of entry points with the names of others
 
@@ -424,13 +424,13 @@ class CommandGroup(TyperGroup):
         return [*dict.fromkeys((*self.functions, *self.commands, *self.plugins.names()))]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """Return a command, which is made when it is first asked for; None if there is none."""
+        """Return a command, made on first use; None if there is none."""
         made: dict[str, Any] = {**self.commands}
         if made.get(cmd_name) is None:
             find = self.functions.get(cmd_name)
             function = self.plugins.get(cmd_name) if find is None else find()
             if function is None:
-                # Typer suggests those of these names that are spelled alike.
+                # Typer suggests similar names from these.
                 made = {**dict.fromkeys(self.list_commands(ctx)), **made}
             else:
                 made[cmd_name] = _make(cmd_name, function)
@@ -439,7 +439,7 @@ class CommandGroup(TyperGroup):
 
 
 def command_group(plugins: str, help_: str) -> typer.Typer:
-    """Make a command of several, which those of a group of entry points join."""
+    """Make a command with subcommands, including those of a group of entry points."""
     group = type("_Group", (CommandGroup,), {"plugins": Plugins(plugins)})
     return typer.Typer(cls=group, help=help_, rich_markup_mode=None, add_completion=False)
 
@@ -457,17 +457,17 @@ def _make(name: str, function: Callable[..., object] | typer.Typer) -> Any:
 
 
 def _name_arguments(command: Any) -> None:
-    """Make the arguments of a command ours; Typer has no setting for it."""
+    """Replace the arguments of a command by ours; Typer has no setting for it."""
     for parameter in command.params:
         if type(parameter) is TyperArgument:
             parameter.__class__ = Argument
 
 
 class ServiceError(Exception):
-    """An error with the exit code that a service manager decides by."""
+    """An error with an exit code for a service manager."""
 
     def __init__(self, error: KantSqlError, code: int, is_said: bool = False) -> None:
         super().__init__(str(error))
         self.error = error
         self.code = code
-        self.is_said = is_said  # whether standard error has it already
+        self.is_said = is_said  # whether it was already written to standard error

@@ -192,7 +192,7 @@ def read_inputs(paths: Sequence[str]) -> Inputs:
             domains.append(_without(text, forms, PROBLEM))
         if PROBLEM in kinds:
             problems.append(_without(text, forms, DOMAIN))
-        # A path may have bytes that are no text.
+        # A path may have bytes that are not text.
         shown = os.fsencode(name).decode("utf-8", "backslashreplace")
         files.append({"path": shown, "sha256": hashlib.sha256(data).hexdigest()})
     if len(problems) > 1:
@@ -210,7 +210,7 @@ def _without(text: Text, forms: Sequence[Form], kind: str) -> Text:
 
 
 def _require_domain(kb: str, url: str, paths: Sequence[str]) -> None:
-    """Check that the knowledge base exists, so that it may have the problem's domain."""
+    """Check that the knowledge base exists: otherwise it cannot have the problem's domain."""
     from ..sql.catalog import written_names
 
     remedy = f"give the file of the domain, too, before {', '.join(paths)}"
@@ -298,7 +298,7 @@ def _counts(knowledge_base: KnowledgeBase, made: Revision | None) -> list[dict[s
 
 
 def _part(progress: Progress | None, begin: int, end: int, whole: int) -> Progress | None:
-    """Map the progress of one document to that of the load, which ends with the commit."""
+    """Map the progress of one document to that of the load, including the commit."""
     if progress is None:
         return None
     return lambda done, of: progress(

@@ -1,4 +1,4 @@
-"""`kant-sql erase` and `retention`: what names somebody is destroyed."""
+"""`kant-sql erase` and `retention`: destroy names and texts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ Archive = Annotated[
 _PARTS = "reason,source"
 Parts = Annotated[
     str | None,
-    c.option(f"What to erase: {', '.join(SAID)}, by commas; default: {_PARTS}.", metavar="PARTS"),
+    c.option(
+        f"What to erase: {', '.join(SAID)}, separated by commas; default: {_PARTS}.",
+        metavar="PARTS",
+    ),
 ]
 _ERASE = c.CommandWords("[URL] [OBJECT]", "sqlite:///robot.db maria")
 _RETENTION = c.CommandWords("[URL]", "sqlite:///robot.db --after 30d")
@@ -46,7 +49,7 @@ def erase(
     also: Annotated[
         list[str] | None,
         c.option(
-            f"Also erase these parts of revisions with the name: {', '.join(SAID)}, by commas.",
+            f"Also erase these parts of revisions with the name: {', '.join(SAID)}; use commas.",
             metavar="PARTS",
         ),
     ] = None,
@@ -66,8 +69,8 @@ def erase(
 ) -> int:
     """Erase the name of an object, or texts of single revisions.
 
-    Without --yes it changes nothing: it counts the texts that would be erased, and lists others
-    that may name the same person. Exits with 1 if bytes of the name may remain in the database.
+    Without --yes it changes nothing: it counts the texts to erase, and lists others that may name
+    the same person. Exits with 1 if bytes of the name may remain in the database.
     """
     url, objects = _ERASE.split(words)
     if bool(objects) == bool(revision):
@@ -118,7 +121,7 @@ def erase(
 def _goes_with(other: object, what: str, option: str, given: str | list[str] | None) -> None:
     """Refuse an option that would be ignored."""
     if given is not None and not other:
-        raise typer.BadParameter(f"goes with {what}", param_hint=option)
+        raise typer.BadParameter(f"needs {what}", param_hint=option)
 
 
 def _write_preview(found: ErasurePreview, name: str, as_json: bool) -> None:
@@ -142,7 +145,7 @@ def _write_preview(found: ErasurePreview, name: str, as_json: bool) -> None:
 def _write_said(
     name: str, kb: KnowledgeBase, numbers: list[int], parts: list[str], as_json: bool
 ) -> None:
-    """Show what revisions say that would be erased."""
+    """Show the texts of revisions that would be erased."""
     from ..history.erasure.erase import make_wanted
     from ..history.revisions import refuse_unknown
 
@@ -163,7 +166,7 @@ def retention(
     words: Annotated[list[str] | None, _RETENTION.argument("none.")] = None,
     after: Annotated[
         str | None,
-        c.option("Erase in revisions that are older, as 30d, 12h or 90m.", metavar="AGE"),
+        c.option("Erase in revisions older than this, such as 30d, 12h or 90m.", metavar="AGE"),
     ] = None,
     parts: Parts = None,
     of_actor: Annotated[
@@ -172,7 +175,7 @@ def retention(
     rules: Annotated[
         str | None,
         c.option(
-            "A file of rules, one a line, as 'camera 30d reason,source'; * is any actor.",
+            "A file with a rule per line, such as 'camera 30d reason,source'; * is any actor.",
             metavar="FILE",
         ),
     ] = None,
@@ -200,7 +203,7 @@ def retention(
     of = "*" if of_actor is None else f'"{of_actor}"'
     lines = [] if after is None else [f"{of} {after} {_PARTS if parts is None else parts}"]
     if rules is not None:
-        # What is no text is no rule, and is refused as one. Editors may begin a file with a mark.
+        # Bytes that are not text are refused as a rule. Editors may begin a file with a mark.
         with open(rules, encoding="utf-8-sig", errors="surrogateescape") as file:
             lines += file.read().splitlines()
     wanted = read_rules(lines)
@@ -230,7 +233,7 @@ def _retain(
 
     with c.open_to_read(url, kb) as (name, knowledge_base):
         for named in sorted({rule.actor for rule in rules if rule.actor is not None}):
-            # It may be misspelt, or have written nothing yet.
+            # The actor may be misspelt, or have written nothing yet.
             try:
                 refuse_unknown_actor(state_of(knowledge_base).store, named)
             except UnknownNameError as error:

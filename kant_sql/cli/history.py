@@ -36,7 +36,7 @@ def write_entry(printer: Printer, entry: LogEntry) -> None:
 def write_revision(
     printer: Printer, said: str, revision: Revision, indent: str = "", style: str = ""
 ) -> None:
-    """Write a revision behind what is said of it, and below it who, why and the source."""
+    """Write a label and a revision, and below it who, why and the source."""
     moment = time_text(revision.committed_at)
     printer.line(f"{indent}{said}revision {revision.number}  {moment}", style)
     for line in _metadata(revision):
@@ -44,7 +44,7 @@ def write_revision(
 
 
 def write_changes(printer: Printer, changes: Iterable[Change], indent: str = "") -> None:
-    """Write changes, each on a line, or on more if its text has several."""
+    """Write changes, each on one line, or more if its text has several."""
     for sign, kind, text in changes:
         printer.line(f"{indent}{sign} {kind} {_indented(text, indent)}", _STYLES[sign])
 
@@ -171,7 +171,7 @@ def unconfirmed(
     ] = False,
     as_json: Annotated[bool, c.json_lines("fact")] = False,
 ) -> None:
-    """Show the effects of acts that nobody else has confirmed."""
+    """Show the effects of acts that no other actor has confirmed."""
     if contradicted and older_than is not None:
         raise typer.BadParameter("does not go with --contradicted", param_hint="--older-than")
     with c.open_state(url, kb, at) as (_, state):
@@ -187,7 +187,7 @@ def corrections(
     limit: Annotated[int | None, c.most("Show at most N corrections.")] = None,
     as_json: Annotated[bool, c.json_lines("correction")] = False,
 ) -> None:
-    """Show sayings that differ from earlier beliefs of that time."""
+    """Show sayings that differ from earlier beliefs."""
     first, last = c.parse_range(since, until)
     with c.open_state(url, kb, None) as (_, state):
         found = state.corrections(since=first, until=last, limit=limit)
@@ -305,7 +305,7 @@ def restore(
 ) -> None:
     """Restore a past state, as a new revision.
 
-    A restore can be undone by another.
+    Another restore undoes it.
     """
     url, (when,) = _RESTORE.split(words)
     moment = c.parse_state(when, "REV|TIME")
@@ -322,7 +322,9 @@ def restore(
         if made is None:
             printer.line(f"knowledge base {name}: nothing is different from revision {restored}")
             return
-        printer.line(f"knowledge base {name}, revision {made}: as revision {restored} was", "bold")
+        printer.line(
+            f"knowledge base {name}, revision {made}: the state of revision {restored}", "bold"
+        )
         write_changes(printer, changes)
 
 
@@ -347,7 +349,7 @@ def branch(
     actor: c.Actor = None,
     as_json: c.AsJson = False,
 ) -> None:
-    """Begin a knowledge base with a state of another, as a trial."""
+    """Create a knowledge base from a state of another."""
     url, names = _BRANCH.split(words)
     if not names and target is None:
         raise typer.BadParameter("give a name, --url or both", param_hint="NAME")
@@ -386,7 +388,7 @@ def watch(
     timeout: Annotated[float | None, c.seconds("Stop after so long; default: at Ctrl-C.")] = None,
     as_json: Annotated[bool, c.json_lines("revision")] = False,
 ) -> None:
-    """Show revisions as they are committed: who, when, why, what."""
+    """Show new revisions: who, when, why, what."""
     deadline = math.inf if timeout is None else time.monotonic() + timeout
     with c.open_to_read(url, kb) as (_, knowledge_base):
         seen = knowledge_base.revision if after is None else after

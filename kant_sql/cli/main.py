@@ -84,7 +84,7 @@ def without_passwords(text: str, words: Sequence[str]) -> str:
 
 def _complain(error: Exception, message: str, words: Sequence[str], code: int) -> int:
     line = " ".join(without_passwords(message, words).split())
-    # Whether the words ask for JSON, even if they are wrong otherwise.
+    # Whether the words ask for JSON, even if the rest of them is wrong.
     if JSON_OPTION in (words[: words.index("--")] if "--" in words else words):
         name = _WRONG_USAGE if code == WRONG_USAGE else type(error).__name__
         document = {"error": line, "type": name, "exit_code": code}
@@ -107,7 +107,7 @@ def _within(
     return run_within
 
 
-# The module of each command; what it is called is the function's name, with `-` for `_`.
+# The module of each command; its name is that of the function, with `-` for `_`.
 _HOMES = {
     **dict.fromkeys(("load", "dump", "check"), "documents"),
     **dict.fromkeys(("plan", "plans", "validate"), "plans"),
@@ -135,7 +135,7 @@ _HOMES = {
 _PAGED = {"dump", "plans", "kbs", "show", "query", "goals", "applicable"}
 _PAGED |= {"log", "acts", "statistics", "diff", "history", "blame", "when", "rules"}
 _PAGED |= {"consequences", "origins", "unconfirmed", "corrections"}
-# Their exit code says what became of the store.
+# Their exit code reports the state of the store.
 _FINISHED = {"verify", "push", "promote", "erase", "retention", "merge"}
 
 
@@ -145,7 +145,7 @@ def _find(name: str) -> Any:
     found = getattr(module, f"{name}_" if iskeyword(name) else name.replace("-", "_"))
     if name in _PAGED:
         return _within(output.paged, found)
-    # Of those whose output nobody reads any more, the work and the exit code stay.
+    # They finish their work, and keep their exit code, when nobody reads their output any more.
     return _within(output.to_the_end, found) if name in _FINISHED else found
 
 
@@ -196,20 +196,20 @@ def _kant_sql(
         bool, typer.Option("--no-pager", help="Write long output without a pager.")
     ] = False,
 ) -> None:
-    """Store what a robot knows, ask it, plan and act on it, and see its history."""
+    """Store what a robot knows, query it, plan and act on it, and see its history."""
     output.want_pager(not no_pager)
 
 
 def run() -> None:
     """Run the command line of this process."""
-    # The process may have been started with these closed.
+    # Somebody may have started the process with these closed.
     sys.stdout = sys.stdout or Path(os.devnull).open("w")  # noqa: SIM115
     sys.stderr = sys.stderr or Path(os.devnull).open("w")  # noqa: SIM115
     if isinstance(sys.stdout, TextIOWrapper):
         # As standard error does by default: escape what the encoding lacks.
         sys.stdout.reconfigure(errors="backslashreplace")
     _log()
-    # Most of a short command is imports, which leave no garbage to look for.
+    # A short command mostly imports, which leaves no garbage to collect.
     gc.set_threshold(100_000)
     app()
 

@@ -1,4 +1,4 @@
-"""`kant-sql merge`: what a branch has changed comes back."""
+"""`kant-sql merge`: merges the changes of a branch."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def merge(
     reason: c.Reason = None,
     as_json: c.AsJson = False,
 ) -> int:
-    """Merge a branch: its changes, as one revision.
+    """Merge the changes of a branch, as one revision.
 
     Without --yes it writes nothing: it lists the changes, and the conflicts, with who, when and why
     on both sides. Exits with 1 if a merge would be refused. --at is a state of the branch.

@@ -34,7 +34,7 @@ _GAP = "  "
 _TAB = "  "
 # Rich takes a second for 10,000 rows; nobody reads that many in a box.
 _BOXED_ROWS = 5_000
-# Rich drops what does not fit: everything if COLUMNS is 0.
+# Rich drops text that does not fit: all of it if COLUMNS is 0.
 _LEAST_WIDTH = 40
 
 
@@ -44,7 +44,7 @@ def printable_lines(text: str) -> str:
 
 
 def plural(count: int, noun: str) -> str:
-    """Return a count with its noun."""
+    """Return a count with its noun, as in `2 revisions`."""
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
@@ -56,7 +56,7 @@ def json_text(value: object, to: TextIO | None = None) -> str:
 
 
 def write_json(value: object = None, /, **header: object) -> None:
-    """Write a value or a result as JSON on a line, its document behind the keys of a header."""
+    """Write a value or a result as JSON on a line, after the keys of a header."""
     if header:
         own = json_value(value)
         value = {**header, **own} if isinstance(own, dict) else header
@@ -157,12 +157,12 @@ def drop_output(stream: TextIO | None = None) -> None:
 
 
 def complain(message: str) -> None:
-    """Write a line to standard error, whether or not somebody reads it."""
+    """Write a line to standard error, even if nobody reads it."""
     write_error(f"kant-sql: {printable(' '.join(message.split()))}")
 
 
 def write_error(line: str) -> None:
-    """Write a line that is printable to standard error, if somebody reads it."""
+    """Write an escaped line to standard error, even if nobody reads it."""
     try:
         sys.stderr.write(f"{line}\n")
         sys.stderr.flush()
@@ -200,7 +200,7 @@ class _Deaf:
 
 @contextmanager
 def to_the_end() -> Iterator[None]:
-    """Let the block do all of its work, even if nobody reads the output any more."""
+    """Let the block finish its work, even if nobody reads the output any more."""
     stream, sys.stdout = sys.stdout, cast(TextIO, _Deaf(sys.stdout))
     try:
         yield

@@ -39,7 +39,7 @@ _Best = Annotated[
 _Memory = Annotated[
     int | None, c.option("The most megabytes of a planner's process.", metavar="MB", min=1)
 ]
-_Timeout = Annotated[float | None, c.seconds("Stop planning after so long.")]
+_Timeout = Annotated[float | None, c.seconds("Stop planning after this time.")]
 _Strict = Annotated[
     bool, c.option("Fail rather than ignore a part of the metric or a preference.", "--strict")
 ]
@@ -204,7 +204,7 @@ def plans(
 
 
 def _parse_id(text: str, other: int | None) -> int:
-    """Parse the number of a plan, which `--plan` may not give, too."""
+    """Parse the number of a plan; refuse one that `--plan` gives, too."""
     if not (text.isascii() and text.isdecimal() and other is None):
         raise typer.BadParameter(f"{text!r}: expected the number of one plan", param_hint="ID")
     return int(text)
@@ -265,7 +265,7 @@ def why_not(
 ) -> None:
     """Show which conditions of a step do not hold.
 
-    For a durative action, these are the conditions at its start, and over all right after it.
+    For a durative action, it checks the conditions at start, and over all right after the start.
     """
     url, (step,) = _STEP.split(words)
     name, revision, failed = c.ask_state(url, kb, at, valid, lambda state: state.why_not(step))
@@ -328,13 +328,13 @@ def apply(
 ) -> None:
     """Execute a step, as a new revision.
 
-    Its conditions are checked, and its effects written. If a condition does not hold, nothing is
-    written, and the exit code is 1.
+    It checks the conditions and writes the effects. If a condition does not hold, it writes
+    nothing, and exits with 1.
     """
     url, (step,) = _STEP.split(words)
     with c.open_to_read(url, kb, actor) as (name, knowledge_base):
         made = knowledge_base.apply(step, reason=reason)
-        # Within no transaction, each act is a revision.
+        # Without a transaction, each act is a revision.
         assert made is not None
         changes = knowledge_base.diff(made - 1, made)
     if as_json:
@@ -365,7 +365,7 @@ def validate(
 ) -> int:
     """Execute a plan in memory; exit with 1 if it is not valid.
 
-    Nothing is written.
+    It writes nothing.
     """
     url, files = _FILE.split(words)
     if bool(files) == (id_ is not None):

@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from ..history.replication.push import Pushed
     from ..history.replication.service import PushEvent, PushService
 
-# As in sysexits.h: what a service manager decides by whether to start it again.
+# As in sysexits.h: a service manager decides by these whether to start it again.
 REFUSED, TRY_AGAIN, NO_PERMISSION, WRONG_CONFIGURATION = 65, 75, 77, 78
 # In seconds: the default, and a day.
 _INTERVAL, _LONGEST_INTERVAL = 1.0, 86_400.0
-# Other users of the machine can read arguments, in which a password would stand.
+# Other users of the machine can read arguments, and a password in them.
 _TARGET_VARIABLE = "KANT_SQL_TARGET"
 _PLAIN = re.compile(r"[^\s\"=]+")
 
@@ -108,7 +108,7 @@ def push(
     from ..history.replication.push import Terms
     from ..history.replication.service import PushService
 
-    # What is not a number is not within them, either.
+    # NaN is not within them, either.
     if not 0 <= interval <= _LONGEST_INTERVAL:
         raise typer.BadParameter(
             f"expected 0 to {_LONGEST_INTERVAL:g} seconds", param_hint="--interval"
@@ -147,7 +147,7 @@ def _once(service: PushService, source: str, target: str, name: str | None, is_s
     with c.leaving_nothing(target):
         errors = service.once(bar)
         if errors:
-            # Another attempt is worth it as long as one of them may pass.
+            # Another attempt is worthwhile as long as one of these may pass.
             passing = (error for error in errors if isinstance(error, MAY_PASS))
             error = next(passing, errors[0])
             raise c.ServiceError(error, _code(error), is_said)
@@ -160,7 +160,7 @@ def _reporter(as_json: bool, follow: bool, remaining: list[str]) -> Callable[[Pu
         if as_json:
             write_json(_document(event))
         elif follow:
-            # Few lines have something that remains.
+            # Few lines have `remaining`.
             told = ((key, value) for key, value in _document(event).items() if value != ())
             pairs = (f"{key}={_value(value)}" for key, value in told)
             sys.stdout.write(f"{' '.join(pairs)}\n")
@@ -168,16 +168,16 @@ def _reporter(as_json: bool, follow: bool, remaining: list[str]) -> Callable[[Pu
             printer.line(f"{printable(event.knowledge_base or '')}: {_pushed_text(event.pushed)}")
         elif event.error is not None:
             complain(_reason(event.knowledge_base or "", event.error))
-        # The log, which goes to standard error, says what.
+        # The log on standard error has the details.
         remaining.extend(() if event.pushed is None else event.pushed.remaining)
-        # Whoever reads a log gets each line at once.
+        # Readers of a log get each line at once.
         sys.stdout.flush()
 
     return report
 
 
 def _reason(name: str, error: KantSqlError) -> str:
-    """Say why a knowledge base was not sent, with its name."""
+    """Return why a knowledge base was not sent, with its name."""
     text = str(error)
     return text if repr(name) in text else f"{name}: {text}"
 
@@ -225,7 +225,7 @@ def promote(
 ) -> None:
     """Turn a replica into a knowledge base that you can write to.
 
-    From then on, it refuses later revisions of its origin.
+    From then on, it refuses new revisions of its origin.
     """
     with c.open_to_read(url, kb) as (name, knowledge_base):
         made = knowledge_base.store.promote(reason=reason, actor=actor)

@@ -26,8 +26,8 @@ def ros(
 ) -> None:
     """Serve the store as a node of ROS 2.
 
-    It answers the services of KANT and of PlanSys2's experts. Ends with Ctrl-C. Words after -- are
-    the node's, such as: -- --ros-args -r __ns:=/rb1
+    It answers the services of KANT and of PlanSys2's experts, until Ctrl-C. Words after -- are for
+    the node, such as: -- --ros-args -r __ns:=/rb1
     """
     url, arguments = _NODE.split(words)
     with needing(ROS_MISSING):
@@ -52,10 +52,10 @@ def import_(
     ] = "committed",
     as_json: AsJson = False,
 ) -> None:
-    """Make revisions of a recording by rosbag2.
+    """Import a recording by rosbag2 as revisions.
 
     Each message of the recorded node becomes a revision, with its time in the recording: messages
-    of the node's topic changes, or else calls of its services. First load the node's knowledge from
+    of the topic changes, or else calls of services. First load the knowledge that the node had
     before the recording. After an interruption, run it again.
     """
     from ..knowledge_base import connect

@@ -143,7 +143,7 @@ def _names_one(parts: Iterable[object], objects: frozenset[str] | None) -> bool:
 
 
 def _mentions(node: Node, predicate: str | None, objects: frozenset[str] | None) -> bool:
-    """Return whether a goal of any form has the predicate and one of the objects in it."""
+    """Return whether a goal of any form contains the predicate and one of the objects."""
     words = set(tokenize(fold(str(node))))
     has_predicate = predicate is None or fold(predicate) in words
     return has_predicate and (objects is None or bool(words & objects))
@@ -186,7 +186,7 @@ def _find(kind: str, name: str, dtos: Sequence[NamedDto], kb: str) -> str:
 
 
 def _document(*names: str, has_text: bool = True) -> Callable[[Any], Document]:
-    """Make JSON data of an element: some of its fields, and its text."""
+    """Convert an element to JSON data: some of its fields, and its text."""
 
     def write(dto: Any) -> Document:
         own = {name: _plain(getattr(dto, name)) for name in names}
@@ -196,7 +196,7 @@ def _document(*names: str, has_text: bool = True) -> Callable[[Any], Document]:
 
 
 def _plain(value: object) -> object:
-    """Write a field: of an element, the name; a number as text, which is exact in every reader."""
+    """Convert a field: an element to its name, a number to text, which is exact everywhere."""
     if isinstance(value, list):
         return [*map(_plain, value)]
     if isinstance(value, NamedDto):
@@ -297,7 +297,7 @@ _SECTIONS = (
     ElementTable("processes", "process", _action),
     ElementTable("events", "event", _action),
 )
-# Sections that are shown to people even if they are empty.
+# Sections that people see even if they are empty.
 _SHOWN_IN_WHOLE = frozenset({"types", "objects", "predicates", "facts", "goals", "actions"})
 _SHOWN_IN_PART = frozenset({"facts"})
 

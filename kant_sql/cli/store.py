@@ -57,14 +57,14 @@ def downgrade(
 ) -> None:
     """Migrate the tables back to an earlier version.
 
-    Asks first if you would lose revisions; only base drops any.
+    It asks for confirmation if you would lose revisions; only base drops any.
     """
     from ..sql import schema
     from ..sql.catalog import revision_counts
 
     url, (revision,) = _DOWNGRADE.split(words)
     if schema.current(url) is None:
-        # Raises the error that names the remedy.
+        # This raises the error that names the remedy.
         schema.check(url)
     # Refuse an unknown version before asking.
     target = schema.earlier_version(url, revision)
@@ -76,7 +76,7 @@ def downgrade(
 
 
 def _ask_to_lose(lost: dict[str, int], as_json: bool) -> None:
-    """Ask whether to drop revisions; raise if there is no terminal or the answer is no."""
+    """Ask for confirmation to drop revisions; raise without a terminal, or if the answer is no."""
     names = [f"{printable(name)} ({count})" for name, count in lost.items()]
     what = (
         f"this drops all tables and {plural(sum(lost.values()), 'revision')} of "
@@ -208,21 +208,21 @@ def kbs(url: c.Url, as_json: c.AsJson = False) -> None:
 
 
 def _behind(one: Inventory) -> str:
-    """Say how many revisions a replica lacks, and by how much time it is behind."""
+    """Return how many revisions and how much time a replica is behind."""
     if not one.behind:
         return "" if one.behind is None else "0"
     return f"{one.behind}" if one.lag is None else f"{one.behind}, {one.lag:,.0f} s"
 
 
 def _verified(one: Inventory) -> str:
-    """Say up to which revision it was verified, and when."""
+    """Return the last verified revision, and when it was verified."""
     if one.verified_revision is None or one.verified_at is None:
         return "not yet"
     return f"up to {one.verified_revision} at {time_text(one.verified_at)}"
 
 
 def _goals(one: Inventory) -> str:
-    """Say how many goals are reached; 'kant-sql goals' evaluates what counting cannot."""
+    """Return how many goals are reached; 'kant-sql goals' evaluates the ones shown as `?`."""
     if one.reached is None:
         return "?"
     return f"{one.reached} of {one.goals}" if one.goals else ""
@@ -239,7 +239,7 @@ def anchor(
     from ..knowledge_base import connect
     from ..sql.catalog import written_names
 
-    # Raises if the store is missing, where connecting would create it.
+    # Raises if the store is missing; connecting would create it.
     names = written_names(url)
     with connect(url, knowledge_base=names[0] if names else c.DEFAULT_NAME) as knowledge_base:
         typer.echo(knowledge_base.store.anchor().text())
@@ -316,9 +316,9 @@ def archive(
 def _write_archived(printer: Printer, name: str, done: Archived, dry_run: bool) -> None:
     kb = f"knowledge base {printable(name)}"
     if not done.versions:
-        printer.line(f"{kb}: nothing is here that ended up to revision {done.upto}")
+        printer.line(f"{kb}: no version ended up to revision {done.upto}")
         return
-    verb = "to move" if dry_run else f"moved in revision {done.revision}"
+    verb = "would move" if dry_run else f"moved in revision {done.revision}"
     total = sum(done.versions.values())
     versions = plural(total, "version")
     printer.line(
@@ -390,15 +390,15 @@ def export(
     predicate: Annotated[
         list[str] | None,
         c.option(
-            "Of a plugin's format: only this predicate or function; you can repeat this.",
+            "For a plugin's format: only this predicate or function; repeatable.",
             metavar="NAME",
         ),
     ] = None,
     element: Annotated[
         list[str] | None,
         c.option(
-            "Of a plugin's format: only this fact or fluent, as '(robot_at rb1 wp1)'; may be given "
-            "several times.",
+            "For a plugin's format: only this fact or fluent, such as '(robot_at rb1 wp1)'; "
+            "repeatable.",
             metavar="TEXT",
         ),
     ] = None,
@@ -412,7 +412,7 @@ def export(
 ) -> None:
     """Write audit views, or facts and values over time, to files.
 
-    Reads one consistent state, whatever is written meanwhile.
+    It reads one consistent state, even if others write meanwhile.
     """
     from ..export import export_store
 

@@ -26,14 +26,14 @@ def add(
     actor: Annotated[str, option("The actor of its writes.", metavar="NAME")],
     kb: Annotated[
         list[str],
-        option("The knowledge base that it is for, * for all; repeatable.", metavar="NAME"),
+        option("A knowledge base for the token, or * for all; repeatable.", metavar="NAME"),
     ],
     scope: Annotated[
         list[str],
         option("What it may do: read, write, apply or verify; repeatable.", metavar="SCOPE"),
     ],
 ) -> None:
-    """Make a token, and write it to standard output, only this once."""
+    """Make a token, and write it to standard output, once only."""
     from ..web.tokens import TokenFile
 
     made = TokenFile(file).add(actor, kb, scope)

@@ -31,12 +31,12 @@ if TYPE_CHECKING:
 
     Progress = Callable[[int, int], None] | None
 
-# Connections of a process: one verifies, one keeps where it ended.
+# Connections of a process: one verifies, one stores the last verified revision.
 CONNECTIONS = 2
 
 
 class VerificationTask(NamedTuple):
-    """What is verified of one knowledge base."""
+    """The verification of one knowledge base."""
 
     name: str
     anchor: Anchor | None
@@ -48,7 +48,8 @@ def verify(
     url: Url,
     kb: Name = None,
     verify_all: Annotated[
-        bool, option("Verify all knowledge bases, each from where it was last verified.", "--all")
+        bool,
+        option("Verify all knowledge bases, each from its last verified revision on.", "--all"),
     ] = False,
     jobs: Annotated[int, option("With --all: the number of processes.", metavar="N", min=1)] = 1,
     is_continued: Annotated[
@@ -73,10 +74,10 @@ def verify(
     """Verify that the history is intact.
 
     Recomputes every hash from the tables, compares columns with texts, indexes with their tables,
-    and the structure with what the migrations create. Reports findings by revision. Exits with 0
-    if there are none, and 1 otherwise. The store keeps the last verified revision, and the next
-    verification can continue there: it checks later revisions, and does not find alterations of
-    earlier ones. An interrupted run with --all continues in the next one.
+    and the structure with that of the migrations. Reports findings by revision, and exits with 1 if
+    there are any. The store keeps the last verified revision, and the next verification can
+    continue there: it checks later revisions, and does not find alterations of earlier ones. After
+    an interruption, run --all again to continue.
     """
     from ..history.anchors import parse_anchor
 
@@ -99,7 +100,7 @@ def verify(
             write_json(done)
         else:
             _write(printer, done, anchored is not None, verify_all or wants)
-        # Whoever follows a long run reads it as it comes.
+        # Readers who follow a long run get each line at once.
         sys.stdout.flush()
     if verify_all and not as_json:
         _write_totals(printer, totals)
@@ -119,7 +120,7 @@ def _parse_since(text: str | None, is_continued: bool | None) -> datetime | None
 
 
 def _chosen(url: str, name: str | None, verify_all: bool, anchor: Anchor | None) -> list[str]:
-    """Choose the knowledge bases to verify, with those that are anchored and gone."""
+    """Choose the knowledge bases to verify, including anchored ones that are gone."""
     from ..sql.catalog import every_name
 
     names = every_name(url)
@@ -135,7 +136,7 @@ def _chosen(url: str, name: str | None, verify_all: bool, anchor: Anchor | None)
 def _tasks(
     url: str, names: list[str], anchor: Anchor | None, wants: bool, since: datetime | None
 ) -> list[VerificationTask]:
-    """Say for each knowledge base where to begin, and for one to check the structure as well."""
+    """Make a task for each knowledge base: where to begin; one also checks the structure."""
     from ..sql.catalog import complete_verifications
 
     known = complete_verifications(url) if wants else {}
@@ -144,7 +145,7 @@ def _tasks(
         at = known.get(name)
         return at is not None and (since is None or at >= since)
 
-    # All share the structure. Its indexes are compared when that one is verified completely.
+    # All share the structure. A complete verification of that one also compares the indexes.
     first = next((name for name in names if not is_continued(name)), names[0] if names else None)
     return [VerificationTask(name, anchor, name == first, is_continued(name)) for name in names]
 
@@ -161,7 +162,7 @@ def run_tasks(url: str, tasks: list[VerificationTask], jobs: int) -> Iterator[Ve
             for task in tasks:
                 with bar(_text(task.name)) as progress:
                     done = _verify(store, task, progress)
-                # After the bar, which would take the output.
+                # After the bar, which would capture the output.
                 yield done
 
 
@@ -178,12 +179,12 @@ def _run_in_processes(url: str, tasks: list[VerificationTask], jobs: int) -> Ite
             ) from error
 
 
-# The store of this process, where it is one of several.
+# The store of this process, if it is one of several.
 _STORES: list[KnowledgeStore] = []
 
 
 def _begin(url: str) -> None:
-    """Open the store in a process that verifies."""
+    """Open the store in a worker process."""
     from ..knowledge_base import open_store
 
     # Ctrl-C ends all processes: the first one reports it.
@@ -193,7 +194,7 @@ def _begin(url: str) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process when its parent was killed: nobody would read what it finds."""
+    """End this process when its parent was killed: nobody would read its findings."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()
@@ -218,17 +219,17 @@ def _verify(store: KnowledgeStore, task: VerificationTask, progress: Progress) -
                 keep=True,
             )
     except InvalidMetadataError as error:
-        # A name that the library never writes; the others are verified all the same.
+        # The library never writes such a name; continue with the others.
         return Verification(_text(task.name), 0, 0, (Finding(None, "knowledge_base", str(error)),))
 
 
 def _text(name: object) -> str:
-    """Write a name: SQLite keeps anything in any column."""
+    """Write a name: SQLite stores any type in any column."""
     return name if isinstance(name, str) else repr(name)
 
 
 def _write(printer: Printer, done: Verification, has_anchor: bool, is_resumable: bool) -> None:
-    """Write what was found of one knowledge base."""
+    """Write the findings of one knowledge base."""
     line, name = printer.line, printable(done.knowledge_base)
     counts = f"{done.revisions} revisions, {done.changes} changes"
     for finding in done.findings:
@@ -246,11 +247,11 @@ def _write(printer: Printer, done: Verification, has_anchor: bool, is_resumable:
     for archive in done.archives:
         line(f"{name}: {printable(archive)}")
     if has_anchor and done.anchored is None:
-        line(f"{name}: the anchor says nothing of it", "yellow")
+        line(f"{name}: not in the anchor", "yellow")
 
 
 def _write_totals(printer: Printer, totals: Mapping[str, int]) -> None:
-    """Write what was found of all together."""
+    """Write the totals of all knowledge bases."""
     wrong = totals["all"] - totals["intact"]
     found = f"{wrong} not intact" if wrong else "all intact"
     printer.line(

@@ -1,4 +1,4 @@
-"""`kant-sql serve` and `report`: the store in a browser, and what happened, as one file."""
+"""`kant-sql serve` and `report`: the store in a browser, and a report as one file."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ WEB_MISSING = "this needs FastAPI, uvicorn and Jinja2; run: pip install 'kant-sq
 
 
 def listen(config: Config) -> tuple[socket.socket, str]:
-    """Bind the socket of a server, on which readers may wait; return it with its address."""
+    """Bind the socket of a server, so readers can already connect; return it with its address."""
     listening = config.bind_socket()
-    # Inherited by connections; else each answer to a kept connection waits 40 ms for the reader's
-    # acknowledgement.
+    # Connections inherit it; otherwise each answer on a kept connection waits 40 ms for the
+    # reader's acknowledgement.
     listening.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     listening.listen(config.backlog)
     address, number = listening.getsockname()[:2]
@@ -63,8 +63,8 @@ def serve(
     """Show the store in a browser, and its data as JSON.
 
     All pages are read-only; with --write, programs write by POST below /api, with a token of the
-    file. Ends with Ctrl-C. At an address that other machines reach, readers need the printed token,
-    or the one in KANT_SQL_TOKEN.
+    file. Ctrl-C ends it. At an address that other machines can reach, readers need the printed
+    token, or the one in KANT_SQL_TOKEN.
     """
     with needing(WEB_MISSING):
         from ..web.application import make_server
@@ -118,7 +118,7 @@ def report(
 
     Open it in a browser, without a network, or print it: a summary, a timeline, plans and outcomes,
     rules and violations, goals not reached, the log with reasons, and the verdict of verification
-    with an anchor. Exits with 0 if it is written, whatever it says.
+    with an anchor. Exits with 0 if it is written, even if it shows violations.
     """
     with needing(WEB_MISSING):
         from ..web.report import report_html, write_report

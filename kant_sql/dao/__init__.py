@@ -1,4 +1,4 @@
-"""The DAOs: `interfaces.py` has the abstract ones, and each PDDL element a module."""
+"""The DAOs: the abstract ones in `interfaces.py`, and a module for each PDDL element."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Actions, processes and events: the DAOs, their trees, and the rules that an action must keep."""
+"""Actions, processes and events: the DAOs, their trees, and the checks of an action."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _conjuncts(formulas: Iterable[Any]) -> list[Any]:
 def action_trees(
     transaction: Transaction, parameters: Sequence[ParameterDefinition], parts: Parts
 ) -> Trees:
-    """Make the trees of an action whose formulas were checked."""
+    """Make the trees of an action with checked formulas."""
     write = tree_writer(transaction, parameters).tree
     duration, condition, effect = [And(tuple(_conjuncts(part))) for part in parts]
     limit = duration.formulas[0] if len(duration.formulas) == 1 else duration
@@ -124,7 +124,7 @@ class ActionChecker:
         self._parameters: list[ParameterDefinition] = []
 
     def put(self) -> bool:
-        """Check the action, and save it and what it refers to when that is missing."""
+        """Check and save the action, and save missing elements that it refers to."""
         dto = self._dto
         check_name("action", dto.name)
         durative = flag(dto.durative, f"durative of {self._role}")
@@ -211,7 +211,7 @@ class ActionChecker:
         return Timed(dto.time, literal) if self._dto.durative and dto.time else literal
 
     def _check_time(self, dto: PddlConditionEffectDto, role: str, times: Sequence[str]) -> None:
-        # The original library's programs write no time as an empty text.
+        # Programs of the original library write an empty text for no time.
         if not self._dto.durative and dto.time not in (None, ""):
             raise InvalidKnowledgeError(
                 f"{role}: {dto} has the time {shown(dto.time)}, but the action is not durative; "
@@ -224,7 +224,7 @@ class ActionChecker:
             )
 
     def _term(self, dto: PddlObjectDto, role: str) -> tuple[Variable | Constant, tuple[int, ...]]:
-        """Find what a term denotes: a parameter first, else an object that is known."""
+        """Find what a term denotes: a parameter, or else a known object."""
         expect(dto.type, PddlTypeDto, f"the type of {role}")
         position = self._positions.get(fold(dto.name))
         if position is not None:

@@ -1,4 +1,4 @@
-"""What the DAOs of the SQL families share: reads, results, what does not depend on the kind."""
+"""Shared code of the DAOs of the SQL families: reads, results, and all that every kind has."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ BATCH = 5_000
 
 
 class SqlDao:
-    """A DAO on a store: on its present, or on its past at one revision."""
+    """A DAO on the present of a store, or on one past revision."""
 
     def __init__(self, store: Store, at: int | None = None) -> None:
         """Make a DAO."""
@@ -78,7 +78,7 @@ class SqlDao:
 
     @property
     def _open_store(self) -> Store:
-        """The store, if it was not closed: no call goes by without asking."""
+        """The store; every call checks here that it is open."""
         store = self._store
         if store.is_closed:
             store.refuse_closed()
@@ -93,13 +93,13 @@ class SqlDao:
 
 
 def refuse_past(store: Store, at: int | None) -> None:
-    """Refuse to write where only the past is looked at."""
+    """Refuse a write to a past state."""
     if at is not None:
         raise past_error(store.name, store.described(at))
 
 
 def past_error(name: str, state: str) -> ReadOnlyError:
-    """Make the error for who writes to a past state."""
+    """Make the error for a write to a past state."""
     return ReadOnlyError(
         f"this is knowledge base {name!r} as it was at {state}: "
         "the past cannot be changed; write to the knowledge base itself"
@@ -115,9 +115,9 @@ def batches(items: Iterable[T], size: int = BATCH) -> Iterable[list[T]]:
 
 @contextmanager
 def saving(transaction: Transaction, dtos: Iterable[Any]) -> Iterator[None]:
-    """Save a batch of what applies to objects; their names are looked up at once."""
+    """Save a batch of facts or values; look their names up at once."""
     names = (object_.name for dto in dtos for object_ in dto.objects)
-    # What has no name is refused in its turn.
+    # An element without a name is refused in its turn.
     transaction.look_up("object", {name for name in names if isinstance(name, str)})
     with transaction.batch():
         yield
@@ -128,9 +128,9 @@ Given = TypeVar("Given")
 
 
 class SqlSavingDao(SqlDao, AnyDao[Any, Given]):
-    """Saves and deletes what has no name: facts, values and formulas, many at a time."""
+    """Saves and deletes elements without names (facts, values and formulas), many at a time."""
 
-    # What a list of them is called, for messages.
+    # The name of a list of them, for messages.
     _items: ClassVar[str] = "an iterable of DTOs"
 
     @override
@@ -140,7 +140,7 @@ class SqlSavingDao(SqlDao, AnyDao[Any, Given]):
             return True
         self._check(dto)
         one: Any = dto
-        # The check has refused a closed store.
+        # The check before refused a closed store.
         self._store.write(lambda transaction: self._save_batch(transaction, [one]))
         return True
 
@@ -177,20 +177,20 @@ class SqlSavingDao(SqlDao, AnyDao[Any, Given]):
     def _saving(
         self, transaction: Transaction, batch: Sequence[Given]
     ) -> AbstractContextManager[None]:
-        """Open what a batch is saved in."""
+        """Open the context in which a batch is saved."""
         return nullcontext()
 
     @abstractmethod
     def _check(self, dto: object) -> None:
-        """Refuse what is of another class."""
+        """Refuse an argument of another class."""
 
     @abstractmethod
     def _save_batch(self, transaction: Transaction, dtos: Iterable[Given]) -> int:
-        """Save DTOs, texts and nodes that were checked; return the number of changes."""
+        """Save checked DTOs, texts and nodes; return the number of changes."""
 
     @abstractmethod
     def _remove(self, transaction: Transaction, dto: Given) -> bool:
-        """Delete what a DTO, a text or a node means; return whether it was stored."""
+        """Delete the element that a DTO, a text or a node means; return whether it was stored."""
 
     @abstractmethod
     def _remove_all(self, transaction: Transaction) -> int:
@@ -201,7 +201,7 @@ Ground = TypeVar("Ground", FactLike, ValueLike)
 
 
 class SqlGroundDao(SqlSavingDao[Ground], Dao[Any, Ground]):
-    """Writes what applies to objects: propositions, and values of functions."""
+    """Writes propositions and values of functions, which apply to objects."""
 
     @override
     def insert(self, dto: Ground) -> bool:
@@ -227,11 +227,11 @@ class SqlGroundDao(SqlSavingDao[Ground], Dao[Any, Ground]):
     def _of_named(
         self, kind: str, name: str, noun: str, answer: Callable[[View, int], list[T]]
     ) -> list[T]:
-        """List what there is of a named element; refuse a name that never was."""
+        """List the facts or values of a named element; refuse a name that never existed."""
 
         def read(view: View) -> list[T]:
             element = view.definitions.elements(kind).named(name)
-            # Asked even without one: the head may show that there is one now.
+            # Query even without one: the head may show that there is one now.
             found = answer(view, NO_ID if element is None else element.id)
             if element is None:
                 refuse_unknown(self._store, name, kind)
@@ -246,7 +246,7 @@ class SqlGroundDao(SqlSavingDao[Ground], Dao[Any, Ground]):
 
     @staticmethod
     def _refuse_all_of_past(transaction: Transaction) -> None:
-        """Refuse to delete all of a period that is over."""
+        """Refuse to delete everything in a past period."""
         remedy = "name what did not hold then, as in kb.propositions.delete_all([...])"
         transaction.refuse_period("delete_all()", remedy, unless_open=True)
 
@@ -256,19 +256,19 @@ class SqlGroundDao(SqlSavingDao[Ground], Dao[Any, Ground]):
 
 
 _Rows = Select[*tuple[Any, ...]]
-# The head says, in the same statement, which definitions go with what is read, and what was moved
-# to an archive. Ids begin at 1.
+# The head, read in the same statement, names the definitions that belong to the rows, and the
+# archived revision. Ids begin at 1.
 _HEAD_ID, NO_ID, _ARCHIVE_ID = 0, -1, -2
 
 
 class Reading:
-    """A query of what holds, with a statement for the present and one for the past."""
+    """A query of a state, with a statement for the present and one for the past."""
 
     def __init__(
         self, now: _Rows, then: _Rows, *blank: ColumnElement[Any], is_of_any_state: bool = False
     ) -> None:
         """Build the statements; `blank` fills the columns of the head's rows."""
-        # What was true at a time is one state, of open versions. As `is_of_any_state`, the
+        # The state at a valid time is one state, of open versions. With `is_of_any_state`, the
         # statement of the present reads it: that of the past sorts, for which SQLite reads all
         # versions.
         head, archive = (
@@ -300,7 +300,7 @@ class Reading:
 
 
 class DtoBuilder:
-    """Builds the DTOs of one result from the definitions that it was read with."""
+    """Builds the DTOs of one result from the definitions read with it."""
 
     def __init__(self, definitions: Definitions) -> None:
         self._definitions = definitions
@@ -310,14 +310,14 @@ class DtoBuilder:
         self._functions: dict[int, PddlFunctionDto] = {}
 
     def type(self, id_: int) -> PddlTypeDto:
-        """Build a type, with the types above it."""
+        """Build a type with its supertypes."""
         types = self._types
         definition = self._definitions.types.live(id_)
         if definition.parent_id is None:
             return types.setdefault(id_, trusted(PddlTypeDto, name=definition.name, parent=None))
         pending = [] if id_ in types else [id_]
         opened: set[int] = set()
-        # Those above come first, on a stack that is not the interpreter's.
+        # Supertypes first, on an explicit stack.
         while pending:
             definition = self._definitions.types.live(pending[-1])
             above = definition.parent_ids
@@ -335,7 +335,7 @@ class DtoBuilder:
         return types[id_]
 
     def types(self, ids: Sequence[int]) -> PddlTypeDto:
-        """Build the type that stands for one type, or for several."""
+        """Build one type, or an `either` of several."""
         if len(ids) == 1:
             return self._types.get(ids[0]) or self.type(ids[0])
         return PddlEitherTypeDto([self.type(id_) for id_ in ids])
@@ -443,7 +443,7 @@ class DtoBuilder:
 
     def _template(self, definition: ActionDefinition) -> ActionTemplate:
         read = action_of(self._definitions, definition)
-        # Of parameters with one name, the last is meant.
+        # If parameters share a name, it means the last one.
         places = {
             fold(parameter.name): ~place for place, parameter in enumerate(definition.parameters)
         }
@@ -455,7 +455,7 @@ class DtoBuilder:
         )
 
     def _literal_template(self, formula: Node, places: dict[str, int]) -> LiteralTemplate | None:
-        """Return the literal that a formula is, if it is one that a DTO of the paper can say."""
+        """Return the literal that a formula is, if a DTO of the paper can express it."""
         time = formula.time if isinstance(formula, Timed) else None
         inner = formula.formula if isinstance(formula, Timed) else formula
         atom = inner.formula if isinstance(inner, Not) else inner
@@ -480,7 +480,7 @@ def _is_durative(kind: str) -> bool:
 
 
 def _check_action(dto: PddlActionDto) -> None:
-    """Refuse an action that no constructor would have made."""
+    """Refuse an action that no constructor would accept."""
     for parameter in dto.parameters:
         parameter.set_name(parameter.name)
     dto.set_conditions(dto.conditions)
@@ -491,7 +491,7 @@ def _check_action(dto: PddlActionDto) -> None:
 def _given_names(
     types: Iterable[PddlTypeDto], parameters: Iterable[ParameterDefinition]
 ) -> list[str] | None:
-    """Return the names of parameters, unless they are those that parameters without names get."""
+    """Return the names of parameters, unless they are the default names."""
     names = tuple([parameter.name for parameter in parameters])
     is_derived = names == _derived_names(tuple([type_.name for type_ in types]))
     return None if is_derived else list(names)
@@ -503,7 +503,7 @@ def _derived_names(types: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _duration(constraints: Sequence[Node]) -> int | float | Decimal | tuple[Node, ...]:
-    """Return a duration that is fixed by a number as that number, as the paper's DTO has it."""
+    """Return a duration fixed by a number as that number, as in the paper's DTO."""
     match constraints:
         case [Comparison("=", Variable("duration"), Number(value))]:
             text = decimal_text(value)
@@ -517,7 +517,7 @@ F = TypeVar("F", bound=Definition)
 
 
 def identify(transaction: Transaction, kind: str, name: str) -> tuple[int, str]:
-    """Find the id and the first spelling of a name; make the identity when it is missing."""
+    """Find the id and the first spelling of a name; make a missing identity."""
     live = transaction.definitions.elements(kind).named(name)
     return transaction.intern(kind, name) if live is None else (live.id, live.name)
 
@@ -527,8 +527,8 @@ _REDEFINING: ContextVar[bool] = ContextVar("kant_sql_redefining", default=False)
 
 @contextmanager
 def redefining_references() -> Iterator[None]:
-    """Let references redefine what nothing uses, as the original library does."""
-    # Two references of one element may contradict each other, so save it once more afterwards.
+    """Let references redefine unused elements, as the original library does."""
+    # Two references within one element may contradict each other, so save it again afterwards.
     token = _REDEFINING.set(True)
     try:
         yield
@@ -537,13 +537,13 @@ def redefining_references() -> Iterator[None]:
 
 
 class Definer(ABC, Generic[D, F]):
-    """Defines the elements of one kind in a transaction, as their DTOs say."""
+    """Defines the elements of one kind in a transaction from their DTOs."""
 
     kind: ClassVar[str]
     dto_class: type[D]
 
     def ensure(self, transaction: Transaction, dto: D | str, role: str) -> F:
-        """Find the element that another one refers to; save what a DTO says if it is missing."""
+        """Find the element that another one refers to; save it from its DTO if it is missing."""
         if isinstance(dto, str):
             return self._known(transaction, dto, role)
         reference, agreements = self._reference(dto), transaction.agreements
@@ -568,14 +568,14 @@ class Definer(ABC, Generic[D, F]):
         return found
 
     def _find(self, transaction: Transaction, dto: D, role: str) -> F:
-        """Find an element whose reference was not compared yet; save it when it is missing."""
+        """Find an element whose reference was not compared yet; save it if it is missing."""
         stored: F | None = transaction.definitions.elements(self.kind).named(dto.name)
         if stored is None:
             return self._define(transaction, dto, False)[0]
         return self.check(transaction, dto, stored, role)
 
     def check(self, transaction: Transaction, dto: D, stored: F, role: str) -> F:
-        """Return what a reference means; refuse it if it disagrees with the stored definition."""
+        """Return the element of a reference; refuse one that differs from the stored definition."""
         if not self._agrees(transaction, dto, stored):
             if _REDEFINING.get():
                 return self._define(transaction, dto, False)[0]
@@ -587,15 +587,15 @@ class Definer(ABC, Generic[D, F]):
         return stored
 
     def put(self, transaction: Transaction, dto: D, cascade: bool) -> bool:
-        """Insert or redefine an element; return whether that is a change."""
+        """Insert or redefine an element; return whether it changed."""
         return self._define(transaction, dto, cascade)[1]
 
     def scope(self, definitions: Definitions, ids: Collection[int]) -> Mentioned:
-        """Find what is defined in terms of some elements, these included."""
+        """Find the elements that are defined in terms of the given ones, including these."""
         return Mentioned(**{f"{self.kind}s": {*ids}})
 
     def _define(self, transaction: Transaction, dto: D, cascade: bool) -> tuple[F, bool]:
-        """Define an element; the types above a type are known."""
+        """Define an element; the supertypes of a type are known."""
         check_name(self._name_kind(dto), dto.name)
         stored: F | None = transaction.definitions.elements(self.kind).named(dto.name)
         made = with_text(transaction.definitions, self._make(transaction, dto, stored))
@@ -616,20 +616,20 @@ class Definer(ABC, Generic[D, F]):
         return stored.id, stored.name
 
     def _name_kind(self, dto: D) -> str:
-        """Return what decides which names the element can have."""
+        """Return the kind of name that the element has."""
         return self.kind
 
     def _reference(self, dto: D) -> Hashable:
-        """Return all that `_agrees` compares, if the DTO is of the plainest form; else None."""
+        """Return all that `_agrees` compares, if the DTO has the plainest form; else None."""
         return None
 
     @abstractmethod
     def _make(self, transaction: Transaction, dto: D, stored: F | None) -> F:
-        """Make the definition, without its text; save what it refers to when it is missing."""
+        """Make the definition, without its text; save missing elements that it refers to."""
 
     @abstractmethod
     def _keeps(self, stored: F, made: F) -> bool:
-        """Return whether all that depends on the stored definition can rely on another one."""
+        """Return whether all dependants of the stored definition also fit another one."""
 
     @abstractmethod
     def _agrees(self, transaction: Transaction, dto: D, stored: F) -> bool:
@@ -640,7 +640,7 @@ def _quoted(text: str) -> str:
     return text if text.startswith("(") else f"'{text}'"
 
 
-# What no name has, and each text that says more than a name.
+# Characters that no name has, but every text of more than a name.
 _TEXT = re.compile(r"[\s();]")
 
 
@@ -649,7 +649,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
 
     kind: ClassVar[str]
     dto_class: type[D]
-    # Reads the text of an element; `_needs_names` says that it uses names that must be known.
+    # Reads the text of an element; `_needs_names`: it uses names that must be known.
     _reads: ClassVar[Callable[..., Any]]
     _needs_names: ClassVar[bool] = False
     definer: ClassVar[Definer[Any, Any]]
@@ -747,7 +747,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         return self._open_store.write(lambda transaction: self._delete(transaction, given))
 
     def _delete(self, transaction: Transaction, given: Iterable[D | str] | None) -> int:
-        """Delete some elements, or all; return how many there were."""
+        """Delete some elements, or all; return their number."""
         definitions = transaction.definitions
         if given is None:
             found = self._all(definitions)
@@ -765,7 +765,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         name = given.strip()
         if _TEXT.search(name) is None:
             return name
-        # Only the name counts: what else it names may be gone.
+        # Only the name counts: other names in it may be gone.
         found = self._reads(name)
         self._check(found)
         return str(found.name)
@@ -794,7 +794,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         return [each for each in definitions.elements(self.kind) if self._is_mine(each)]
 
     def _is_mine(self, definition: Any) -> bool:
-        """Return whether a definition of the kind is one that this DAO is for."""
+        """Return whether a definition belongs to this DAO."""
         return True
 
     def _build(self, builder: DtoBuilder, definition: Any) -> D:

@@ -1,4 +1,4 @@
-"""What depends on what: for deletes that cascade, and redefinitions that are refused."""
+"""Dependencies between elements: for cascading deletes and refused redefinitions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FACT, _VALUE = ATOM_TABLES[PROPOSITION], ATOM_TABLES[VALUE]
 
 
 def _mentioning(atoms: AtomTables) -> Select[Any]:
-    """Select the ids of what has one of some objects as an argument."""
+    """Select the ids of facts or fluents with one of some objects as an argument."""
     arguments = atoms.arguments.c
     return select(arguments[atoms.owner]).where(
         arguments.kb_id == KB, in_list(arguments.object_id, "ids")
@@ -48,7 +48,7 @@ _ALL_VALUES = Query(_values(_VALUES_NOW))
 _OF_FUNCTIONS = Query(_values(_VALUES_NOW.where(in_list(_VALUE.version.c.function_id, "ids"))))
 _VALUES_OF_OBJECTS = Query(
     union_all(
-        # With those that have no value now, which are few: SQLite would go through all live ones.
+        # Including those without a value now, which are few: SQLite would read all live ones.
         _values(_mentioning(_VALUE)),
         _values(_VALUES_NOW.where(in_list(_VALUE.version.c.object_id, "ids"))),
     )
@@ -61,7 +61,7 @@ def _rows(
     everything: Query,
     parts: Sequence[tuple[Query, str]],
 ) -> list[Row]:
-    """Read all rows, or for each field of a scope those that mention something of it."""
+    """Read all rows, or for each field of a scope the rows that mention one of its ids."""
     session, kb = transaction.session, transaction.kb_id
     if scope is None:
         return session.rows(everything, kb=kb)
@@ -73,7 +73,7 @@ def _rows(
 
 
 def function_values_on(transaction: Transaction, scope: Mentioned | None) -> list[HeldValue]:
-    """Find the live values that mention something."""
+    """Find the live values that mention an element of a scope."""
     if next(iter(transaction.definitions.functions), None) is None:
         return []
     transaction.flush()
@@ -90,7 +90,7 @@ SHOWN = 10
 
 
 def of_types(definitions: Definitions, type_ids: Collection[int]) -> Mentioned:
-    """Find what is defined in terms of types."""
+    """Find the elements that are defined in terms of types."""
     types = definitions.subtypes(*type_ids)
 
     def has(parameters: Iterable[ParameterDefinition]) -> bool:
@@ -109,8 +109,8 @@ def of_types(definitions: Definitions, type_ids: Collection[int]) -> Mentioned:
 
 
 def _definitions_on(definitions: Definitions, scope: Mentioned) -> Iterator[tuple[str, int, str]]:
-    """Find the kinds, the ids and the texts of what is defined by trees and mentions something."""
-    # Of actions, processes, events and rules, the name is enough.
+    """Find the definitions with trees that mention an element of a scope."""
+    # For actions, processes, events and rules, the name is enough.
     for action in definitions.actions:
         if mentions(action.trees, scope) or any(
             id_ in scope.types for part in action.parameters for id_ in part.type_ids
@@ -125,7 +125,7 @@ def _definitions_on(definitions: Definitions, scope: Mentioned) -> Iterator[tupl
 
 
 def propositions_on(transaction: Transaction, scope: Mentioned | None) -> list[GroundAtom]:
-    """Find the live facts and goals that mention something."""
+    """Find the live facts and goals that mention an element of a scope."""
     transaction.flush()
     parts = ((_OF_PREDICATES, "predicates"), (_ATOMS_OF_OBJECTS, "objects"))
     found = {row[0]: GroundAtom.of(row) for row in _rows(transaction, scope, _ALL_ATOMS, parts)}
@@ -142,7 +142,7 @@ def retract(transaction: Transaction, atoms: list[GroundAtom]) -> None:
 
 
 def _undefine_users(transaction: Transaction, scope: Mentioned) -> None:
-    # Definitions have one clock, and what goes with them, too.
+    # Definitions have only known time, and so has everything deleted with them.
     with transaction.of_now():
         retract(transaction, propositions_on(transaction, scope))
         transaction.values.unset(function_values_on(transaction, scope))
@@ -151,7 +151,7 @@ def _undefine_users(transaction: Transaction, scope: Mentioned) -> None:
 
 
 def delete_mentioned(transaction: Transaction, scope: Mentioned) -> None:
-    """Delete definitions and all that depends on them."""
+    """Delete definitions and their dependants."""
     _undefine_users(transaction, scope)
     for kind, ids in (
         ("predicate", scope.predicates),
@@ -164,7 +164,7 @@ def delete_mentioned(transaction: Transaction, scope: Mentioned) -> None:
 
 
 def _users(transaction: Transaction, scope: Mentioned) -> list[str]:
-    """Name all that mentions something."""
+    """Return the texts of all dependants."""
     atoms = propositions_on(transaction, scope)
     return [
         *(f"{kind} {said}" for kind, _, said in _definitions_on(transaction.definitions, scope)),
@@ -176,7 +176,7 @@ def _users(transaction: Transaction, scope: Mentioned) -> list[str]:
 def clear_for_redefinition(
     transaction: Transaction, scope: Mentioned, before: str, after: str, cascade: bool
 ) -> None:
-    """Refuse a redefinition while something live depends on the present definition."""
+    """Refuse a redefinition while live elements depend on the present definition."""
     if cascade:
         _undefine_users(transaction, scope)
         return

@@ -1,7 +1,7 @@
 """Formulas as trees, and the DAOs of derived predicates, goals, constraints and the metric.
 
-The PDDL reader checks every formula, one that is given as a node by its text. So the text of a
-stored formula can be read back.
+The PDDL reader checks every formula, a node by its text. So the text of a stored formula can be
+read back.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def tree_writer(
 N = TypeVar("N", bound=f.Node)
 Given = TypeVar("Given")
 
-# By section, what reads a formula of it.
+# The reader of each section.
 _READS: dict[str, Callable[..., Any]] = {
     DERIVED_PREDICATE: read_derived,
     DOMAIN_CONSTRAINT: read_constraints,
@@ -91,7 +91,7 @@ _READS: dict[str, Callable[..., Any]] = {
     CONSTRAINT: read_constraints,
     METRIC: read_metric,
 }
-# What the root of a tree may be, in the sections that do not take any formula.
+# The allowed roots of trees, in sections that do not take every formula.
 _CLASSES: dict[str, tuple[type, ...]] = {
     DERIVED_PREDICATE: (f.Derived,),
     INITIAL: (f.Not, f.Equal),
@@ -111,12 +111,12 @@ def read_formula(definitions: Definitions, formula: FormulaDefinition) -> f.Node
 
 
 def read_formulas(definitions: Definitions, section: str) -> list[FormulaDefinition]:
-    """Find the stored formulas of one section."""
+    """Read the stored formulas of one section."""
     return [each for each in definitions.formulas if each.section == section]
 
 
 def read_given(transaction: Transaction, section: str, given: f.Node | str) -> Any:
-    """Read a formula that is given as text or as a node."""
+    """Read a formula from a text or a node."""
     read = read_text(transaction, _READS[section], given)
     if isinstance(given, f.Node):
         refuse_others(given, read)
@@ -124,7 +124,7 @@ def read_given(transaction: Transaction, section: str, given: f.Node | str) -> A
 
 
 def refuse_others(given: f.Node, read: f.Node) -> None:
-    """Refuse a node whose text says something else: a name may have blanks and parentheses."""
+    """Refuse a node whose text has another meaning: a name may have blanks and parentheses."""
     if _content(given) != _content(read):
         # Nodes of other classes can have the same text.
         found = repr(read) if str(read) == str(given) else shown(read)
@@ -135,7 +135,7 @@ def refuse_others(given: f.Node, read: f.Node) -> None:
 
 
 def _content(node: f.Node) -> list[object]:
-    """Return what two formulas have in common that say the same, however it is spelled."""
+    """Return a key that is equal for formulas that differ only in spelling."""
     bound = [
         (fold(one.name), [*map(fold, one.types)])
         for part in f.walk(node)
@@ -145,7 +145,7 @@ def _content(node: f.Node) -> list[object]:
 
 
 def make_formula(transaction: Transaction, section: str, node: f.Node) -> FormulaDefinition:
-    """Find or create the identity of a formula that was checked."""
+    """Find or create the identity of a checked formula."""
     definitions = transaction.definitions
     tree = tree_writer(transaction).tree(node)
     text = canonical_text(definitions, FormulaDefinition(0, "", section, tree))
@@ -161,7 +161,7 @@ def is_ground(formula: f.Node) -> bool:
 
 
 class _AbsentError(Exception):
-    """Rolls back the identities that were made to look up an absent formula."""
+    """Rolls back the identities made to look up an absent formula."""
 
 
 def remove_formula(transaction: Transaction, section: str, node: f.Node) -> bool:
@@ -205,7 +205,7 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
         return self._open_store.write(insert)
 
     def _check(self, formula: object) -> None:
-        """Refuse what is not a formula of the section."""
+        """Refuse an argument that is not a formula of the section."""
         classes = _CLASSES.get(self.section, (f.Node,))
         if isinstance(formula, f.Node) and not isinstance(formula, classes):
             names = " or ".join(each.__name__ for each in classes)
@@ -216,15 +216,15 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
         expect_text(formula, f"the {self.section} DAO", f"a {self.section}", self.example)
 
     def _holds(self, transaction: Transaction, formula: Given) -> bool:
-        """Return whether it is stored, where that cannot be seen by saving it."""
+        """Return whether it is stored, where saving it does not show that."""
         return False
 
     def _save_batch(self, transaction: Transaction, dtos: Iterable[Given]) -> int:
         return sum(self._put_given(transaction, dto) for dto in dtos)
 
     def _put_given(self, transaction: Transaction, formula: Any) -> bool:
-        """Save a node or a text; return whether that is a change."""
-        # A conjunction may be deeper than its parts may be.
+        """Save a node or a text; return whether it changed the store."""
+        # A conjunction may be nested deeper than its parts may be.
         given: Sequence[Any] = (formula,) if isinstance(formula, str) else self._parts(formula)
         read = [read_given(transaction, self.section, part) for part in given]
         made = [self._put(transaction, part) for each in read for part in self._parts(each)]
@@ -244,7 +244,7 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
         return [read_formula(definitions, each) for each in stored]  # type: ignore[misc]
 
     def _parts(self, formula: N) -> Sequence[N]:
-        """Return the formulas that are stored in its place."""
+        """Return the formulas to store in its place."""
         return (formula,)
 
     def _put(self, transaction: Transaction, formula: N) -> bool:
@@ -312,7 +312,7 @@ class SqlDomainConstraintDao(SqlConstraintDao):
 
 
 def read_goals(view: View) -> list[f.Formula]:
-    """Read the goals of a state, preferences included; those that are propositions come first."""
+    """Read the goals of a state, including preferences; propositions come first."""
     found: list[Any] = [
         f.Atom(goal.predicate.name, tuple([f.Constant(one.name) for one in goal.objects]))
         for goal in GOALS.answer(view)

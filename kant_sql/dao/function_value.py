@@ -1,4 +1,4 @@
-"""The values of functions: the DAO of numeric and object fluents, and what fluents refer to.
+"""The values of functions: the DAO of numeric and object fluents, and their references.
 
 Each row of an answer has the fluent's id, its function's, the ids of its objects separated by
 spaces, and the number as text or the id of the object that it is.
@@ -57,7 +57,7 @@ SCALE_DOWN: Operation = _divide
 
 
 def calculate(operation: Operation, number: Decimal, by: Decimal) -> Decimal:
-    """Calculate exactly, where the result has an end and at most `MAX_DIGITS` digits."""
+    """Calculate exactly, if the result terminates within `MAX_DIGITS` digits."""
     with localcontext(prec=MAX_DIGITS) as context:
         context.clear_flags()
         result = operation(context, number, by)
@@ -101,12 +101,12 @@ VALUE = "(= (battery rb1) 80)"
 
 
 class FluentReferences(Arguments):
-    """What the fluents of one batch refer to."""
+    """The references of the fluents of one batch."""
 
     role = "a function value"
 
     def entry(self, given: ValueLike) -> tuple[FluentKey, str, FluentValue]:
-        """Check a value; save what a DTO refers to when it is missing."""
+        """Check a value; save missing elements that a DTO refers to."""
         if isinstance(given, str | Node):
             fluent, value = read_text(self._transaction, read_value, given)
             if value is None:
@@ -119,7 +119,7 @@ class FluentReferences(Arguments):
     def resolve(
         self, function: FunctionReference, objects: Sequence[ObjectReference]
     ) -> tuple[FunctionDefinition, FluentKey, str]:
-        """Check a fluent, and save what it refers to by a DTO when it is missing."""
+        """Check a fluent; save missing elements that a DTO refers to."""
         declared = FUNCTIONS.ensure(self._transaction, function, self.role)
         names = [each if isinstance(each, str) else each.name for each in objects]
         shown = f"({' '.join([declared.name, *map(str, names)])})"
@@ -224,7 +224,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         function, objects = fluent_of(function, objects)
         transaction = self._open_store.current()
         if transaction is not None and self._at is None:
-            # From memory: a query would have to write first what is pending.
+            # From memory: a query would first have to write the pending changes.
             value = _value(transaction, existing_key(transaction.definitions, function, objects))
             if value is None:
                 self._refuse_unknown(function, objects)
@@ -235,7 +235,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
 
         def read(view: View) -> Decimal | PddlObjectDto | None:
             key = existing_key(view.definitions, function, objects)
-            # Asked even without a fluent: the head may show that there is one now.
+            # Query even without a fluent: the head may show that there is one now.
             asked = (NO_ID, "") if key is None else key
             rows = OF_FLUENT.rows(view, function=asked[0], arguments=asked[1])
             for *_, number, object_id in rows:
@@ -251,7 +251,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
     def _refuse_unknown(
         self, function: FunctionReference, objects: Sequence[ObjectReference]
     ) -> None:
-        """Refuse names that never were; what a DTO describes may be saved later."""
+        """Refuse names that never existed; the element of a DTO may be saved later."""
         if isinstance(function, str):
             refuse_unknown(self._store, function, "function")
         for each in objects:

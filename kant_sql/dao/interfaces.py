@@ -1,4 +1,4 @@
-"""The abstract DAOs: what every family does with each PDDL element.
+"""The abstract DAOs, one for each kind of PDDL element, which every family implements.
 
 Each call is one transaction, unless the task or thread has one open, and makes one revision if it
 changes something. Besides the errors listed, every method can raise `StoreError` (the database
@@ -54,14 +54,14 @@ __all__ = [
     "TimedInitialLiteralDao",
 ]
 
-# What is written as PDDL text or as a node instead of a DTO names only what is known.
+# PDDL text and nodes, unlike DTOs, name known elements only.
 FactLike = PddlPropositionDto | str | Node
 ValueLike = PddlFunctionValueDto | str | Node
 GoalLike = Formula | PddlPropositionDto | str
 
 E = TypeVar("E", bound=Dto | Node)
 D = TypeVar("D", bound=Dto)
-# What is given to be saved or deleted.
+# The argument of save and delete.
 Given = TypeVar("Given")
 
 
@@ -93,7 +93,7 @@ class AnyDao(ABC, Generic[E, Given]):
         Raises:
             InvalidKnowledgeError: it is not well-formed; the message names the element, what was
                 found and what was expected.
-            PddlError: a text cannot be read, or names what is not known; with the position, and a
+            PddlError: a text cannot be read, or has an unknown name; with the position, and a
                 similar name.
             ConflictError: it refers to an element that is stored with another definition.
             DependantsError: it redefines an element that live facts or actions depend on.
@@ -107,10 +107,10 @@ class AnyDao(ABC, Generic[E, Given]):
 
     @abstractmethod
     def insert(self, dto: Given) -> bool:
-        """Save an element that is not stored.
+        """Save an element if it is not stored.
 
         Returns:
-            False when it is stored, with any definition; then nothing changes.
+            False if it is stored, with any definition; then nothing changes.
 
         Raises:
             PddlError, InvalidKnowledgeError, ConflictError: as `save`.
@@ -125,10 +125,10 @@ class AnyDao(ABC, Generic[E, Given]):
                 propositions, so each element must be a DTO of its own.
 
         Returns:
-            The number of elements that changed something.
+            The number of elements that changed the store.
 
         Raises:
-            PddlError, InvalidKnowledgeError, ConflictError, DependantsError: as `save`; none is
+            PddlError, InvalidKnowledgeError, ConflictError, DependantsError: as `save`; nothing is
                 saved.
 
         Examples:
@@ -144,14 +144,14 @@ class AnyDao(ABC, Generic[E, Given]):
         """Delete an element and everything that depends on it, in one revision.
 
         Args:
-            dto: the element; only its identity counts, for example an object's name, which may also
-                be given alone, in any case.
+            dto: the element; only its identity counts. For a named element, the name is enough, in
+                any case.
 
         Returns:
-            False when it is not stored.
+            False if it is not stored.
 
         Raises:
-            PddlError: a text cannot be read, or refers to an element that never was.
+            PddlError: a text cannot be read, or refers to an element that never existed.
 
         Examples:
             >>> kb.objects.delete(rb1)
@@ -168,7 +168,7 @@ class AnyDao(ABC, Generic[E, Given]):
             dtos: the elements, given as for `delete`; None for all of the kind.
 
         Returns:
-            The number of elements of the kind that were deleted.
+            The number of deleted elements of the kind.
 
         Examples:
             >>> kb.objects.delete_all([wp1, wp2])
@@ -194,8 +194,8 @@ class Dao(AnyDao[D, Given]):
 class NamedDao(Dao[D, D | str]):
     """Reads, saves and deletes one kind of named element.
 
-    An element is given as a DTO or as the PDDL text that `str` of the DTO writes; `delete` and
-    `delete_all` take its name, too.
+    Give an element as a DTO or as its PDDL text, which `str` of the DTO writes; `delete` and
+    `delete_all` also take its name.
     """
 
     @abstractmethod
@@ -225,8 +225,8 @@ class RedefinableDao(NamedDao[D]):
 
         Args:
             dto: the element, a DTO or text; or a list of elements, which are saved in one revision.
-            cascade: retract the live facts and actions that depend on the present definition, in
-                the same revision, instead of refusing.
+            cascade: instead of refusing, retract the live facts and actions that depend on the
+                present definition, in the same revision.
 
         Returns:
             True; an element that cannot be saved raises.
@@ -269,11 +269,11 @@ class PddlTypeDao(RedefinableDao[PddlTypeDto]):
     """Reads, saves and deletes types; `room - place` is the text of one.
 
     Deleting a type deletes its subtypes, their objects, the predicates and actions with parameters
-    of these types, and the facts and goals of those.
+    of these types, and the facts and goals of these predicates.
 
     `save` takes the DTO as the whole definition: without a parent, the type is a child of `object`.
-    A type that another element refers to is found by name, and its parent is compared only if it is
-    given.
+    In a reference from another element, a type is found by name, and its parent is compared only if
+    it is given.
 
     Examples:
         >>> kb.types.save(["room - place", "tiago - robot"])
@@ -343,9 +343,9 @@ class PddlEventDao(NamedDao[PddlEventDto]):
 class PddlPropositionDao(Dao[PddlPropositionDto, FactLike]):
     """Reads, saves and deletes facts; goals have a DAO of their own, `kb.goals`.
 
-    A fact is given as PDDL text such as `(robot_at rb1 wp1)`, as a ground `Atom`, or as a DTO. Text
-    and atoms name what is known; a DTO also says the types, and what it refers to is saved when it
-    is missing. There is nothing to update: `update` returns whether the fact holds.
+    Give a fact as PDDL text such as `(robot_at rb1 wp1)`, as a ground `Atom`, or as a DTO. Text and
+    atoms name known elements; a DTO also has their types, and missing ones are saved with it. There
+    is nothing to update: `update` returns whether the fact holds.
 
     Examples:
         >>> kb.objects.save(wp2)
@@ -368,12 +368,12 @@ class PddlPropositionDao(Dao[PddlPropositionDto, FactLike]):
                 one revision.
 
         Returns:
-            True; what cannot be saved raises.
+            True; a fact that cannot be saved raises.
 
         Raises:
             PddlError: the text is not a fact, or names an unknown element; with the position, and a
                 similar name.
-            InvalidKnowledgeError: it is a goal, which `kb.goals` takes; or as `Dao.save`.
+            InvalidKnowledgeError: it is a goal, which belongs to `kb.goals`; or as `Dao.save`.
             ConflictError: as `Dao.save`.
         """
 
@@ -381,22 +381,22 @@ class PddlPropositionDao(Dao[PddlPropositionDto, FactLike]):
     def confirm(
         self, facts: FactLike | Iterable[FactLike], *, not_within: float | None = None
     ) -> int:
-        """Confirm facts that hold: they were seen again. The state does not change.
+        """Confirm facts that hold, because they were observed again. The state does not change.
 
-        A fact that an act has asserted is expected, until another actor confirms it. Within a
-        transaction, what that transaction has asserted is not confirmed.
+        A fact that an act asserted is expected until another actor confirms it. A transaction does
+        not confirm facts that it asserts itself.
 
         Args:
             facts: PDDL text or an atom of a fact, or a DTO; or several of these, which are
                 confirmed in one revision.
-            not_within: seconds; what this actor confirmed less than that ago, and nobody has
-                retracted since, is left out; a call with nothing else writes nothing.
+            not_within: seconds; skips facts that this actor confirmed more recently, and that
+                nobody has retracted since. If no fact is left, the call writes nothing.
 
         Returns:
-            How many facts were confirmed.
+            The number of confirmed facts.
 
         Raises:
-            InvalidKnowledgeError: one of them does not hold, or is a goal; nothing is confirmed.
+            InvalidKnowledgeError: one of them does not hold, or is a goal; no fact is confirmed.
             PddlError: as `save`.
             InvalidArgumentError: `not_within` is not a number of seconds, from 0.
 
@@ -460,15 +460,15 @@ class PddlFunctionDao(RedefinableDao[PddlFunctionDto]):
 class PddlFunctionValueDao(Dao[PddlFunctionValueDto, ValueLike]):
     """Reads, sets and unsets the values of functions: numeric fluents and object fluents.
 
-    A fluent is a function applied to objects. Functions and objects are given as DTOs, which writes
-    insert if they are missing, or by name, in any case, if they are known.
+    A fluent is a function applied to objects. Give functions and objects as DTOs, of which writes
+    insert missing ones, or by name, in any case, if they are known.
 
     Numbers are exact decimals. A `float` stands for its shortest decimal text. Setting a fluent to
     an equal number, such as 10 to 10.0, changes nothing.
 
     `save`, `insert`, `update` and `save_all` take DTOs, PDDL text such as `(= (battery rb1) 80)`,
     and nodes. `insert` sets a fluent that has no value, `update` one that has a value; `delete`
-    unsets a fluent, whatever the value, which text may leave out: `(battery rb1)`.
+    unsets a fluent with any value; a text may omit the value: `(battery rb1)`.
 
     Examples:
         >>> kb.functions.save("(battery ?r - robot) - number")
@@ -492,7 +492,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto, ValueLike]):
             objects: its arguments, in order: DTOs or names.
 
         Returns:
-            A number, or an object for an object fluent; None when it has no value.
+            A number, or an object for an object fluent; None if it has no value.
 
         Raises:
             UnknownNameError: a function or an object is given by a name that never was.
@@ -529,7 +529,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto, ValueLike]):
         objects: Sequence[ObjectReference] = (),
         value: Number | ObjectReference,
     ) -> bool:
-        """Set a fluent, given as for `get`, to a number, or to an object.
+        """Set a fluent, given as for `get`, to a number or an object.
 
         Args:
             function: a DTO, a name, or the whole fluent as PDDL text.
@@ -544,7 +544,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto, ValueLike]):
             ArityError: the function has another number of parameters.
             TypeMismatchError: an object does not fit its parameter, or the value the function.
             ConflictError: a DTO is stored with another definition.
-            InvalidKnowledgeError: a name is not known, or an argument is not well-formed.
+            InvalidKnowledgeError: a name is unknown, or an argument is not well-formed.
 
         Examples:
             >>> kb.function_values.set(PddlFunctionDto("battery", [robot]), objects=[rb1], value=90)
@@ -560,7 +560,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto, ValueLike]):
         """Remove the value of a fluent, given as for `get`.
 
         Returns:
-            False when it has no value.
+            False if it has no value.
 
         Raises:
             UnknownNameError: a function or an object is given by a name that never was.
@@ -570,7 +570,7 @@ class PddlFunctionValueDao(Dao[PddlFunctionValueDto, ValueLike]):
     def increase(
         self, function: FunctionReference, *, objects: Sequence[ObjectReference] = (), by: Number
     ) -> Decimal:
-        """Add `by` to the number that a fluent, given as for `get`, has; atomically.
+        """Add `by` to the number of a fluent, given as for `get`, atomically.
 
         Returns:
             The new value: exact if 400 digits can express it, else rounded to 28 significant
@@ -652,8 +652,8 @@ class InitialLiteralDao(FormulaDao[Not | Equal, Not | Equal | str]):
 class GoalDao(FormulaDao[Formula, GoalLike]):
     """Reads, saves and deletes goals of any form, ground atoms among them.
 
-    A conjunction is stored as its conjuncts. A `PddlPropositionDto` stands for a goal here,
-    whatever its `is_goal`; what it refers to is saved when it is missing.
+    A conjunction is stored as its conjuncts. A `PddlPropositionDto` means a goal here, whatever its
+    `is_goal`; missing elements that it refers to are saved with it.
 
     Examples:
         >>> kb.goals.save(["(not (robot_at rb1 wp1))", PddlPropositionDto(robot_at, [rb1, wp2])])
@@ -682,7 +682,7 @@ class ConstraintDao(FormulaDao[Formula, Formula | str]):
 
 
 class MetricDao(ABC):
-    """Reads and sets the metric, which plans minimise or maximise (PDDL 2.1, section 4.1)."""
+    """Reads and sets the metric, which planners minimize or maximize (PDDL 2.1, section 4.1)."""
 
     @abstractmethod
     def get(self) -> Metric | None:
@@ -697,7 +697,7 @@ class MetricDao(ABC):
         """Set the metric, or remove it.
 
         Args:
-            metric: a node, or PDDL text such as `(:metric minimize (total-time))`; None for none.
+            metric: a node, or PDDL text such as `(:metric minimize (total-time))`; None removes it.
 
         Returns:
             Whether the metric changed.

@@ -1,4 +1,4 @@
-"""Propositions: the DAO of facts, and what facts and goals refer to."""
+"""Propositions: the DAO of facts, and the references of facts and goals."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ FACT = "(robot_at rb1 wp1)"
 
 
 class Arguments:
-    """The objects that the elements of one batch refer to."""
+    """The objects of the elements of one batch."""
 
     role: ClassVar[str]
 
@@ -51,7 +51,7 @@ class Arguments:
         declared: PredicateDefinition | FunctionDefinition,
         objects: Sequence[PddlObjectDto | str],
     ) -> list[ObjectDefinition]:
-        """Check arguments, and save those that are missing."""
+        """Check arguments, and save missing ones."""
         if len(objects) != len(declared.parameters):
             raise ArityError(
                 f"{shown} has {len(objects)} arguments, expected {len(declared.parameters)} as "
@@ -73,7 +73,7 @@ class Arguments:
     def mismatch(
         self, role: str, object_: ObjectDefinition, allowed: Sequence[int], declared: str
     ) -> TypeMismatchError:
-        """Make the error for an object that does not fit its place."""
+        """Make the error for an object that does not fit its parameter."""
         definitions = self._transaction.definitions
         return TypeMismatchError(
             f"{role}, {object_.name!r}, is of type "
@@ -83,7 +83,7 @@ class Arguments:
 
 
 class References(Arguments):
-    """What the propositions of one batch refer to."""
+    """The references of the propositions of one batch."""
 
     role = "a proposition"
 
@@ -92,7 +92,7 @@ class References(Arguments):
         self._are_goals = are_goals
 
     def resolve(self, given: FactLike) -> tuple[AtomKey, str]:
-        """Check a proposition; save what a DTO refers to when it is missing."""
+        """Check a proposition; save missing elements that a DTO refers to."""
         if isinstance(given, str | Node):
             atom = read_text(self._transaction, read_fact, given)
             predicate = PREDICATES.ensure(self._transaction, atom.predicate, self.role)
@@ -121,7 +121,7 @@ class PropositionReading(Reading):
 
     @classmethod
     def of_versions(cls, *conditions: ColumnElement[bool], are_goals: bool = False) -> Self:
-        """Ask for the facts, or the goals, of the versions that are open."""
+        """Query the facts, or the goals, of open versions."""
         versions = select(t.PropositionVersionRow.proposition_id).where(
             t.PropositionVersionRow.kb_id == KB, *conditions
         )
@@ -137,7 +137,7 @@ class PropositionReading(Reading):
 
     @classmethod
     def of_object(cls) -> Self:
-        """Ask for the propositions that mention an object: of each, one version is looked up."""
+        """Query the propositions that mention an object: look one version up for each."""
         mentioning = select(t.PropositionArgumentRow.proposition_id).where(
             t.PropositionArgumentRow.kb_id == KB,
             t.PropositionArgumentRow.object_id == integer("object"),
@@ -182,7 +182,7 @@ GOALS = PropositionReading.of_versions(table_of(t.PropositionVersionRow).c.is_go
 
 
 def existing_key(transaction: Transaction, given: FactLike, *, is_goal: bool) -> AtomKey | None:
-    """Find the key of a proposition from names alone; text must name what was known once."""
+    """Find the key of a proposition by names alone; text must name elements known at some time."""
     if isinstance(given, str | Node):
         atom = read_stored(transaction, read_fact, given)
         return None if atom is None else key_of_atom(transaction, atom, is_goal)
@@ -197,7 +197,7 @@ def existing_key(transaction: Transaction, given: FactLike, *, is_goal: bool) ->
 
 
 def _key_to_confirm(transaction: Transaction, fact: FactLike) -> AtomKey | None:
-    """Find the key of a fact to be confirmed; refuse a value, which has no confirmations."""
+    """Find the key of a fact to confirm; refuse a value, which has no confirmations."""
     try:
         return existing_key(transaction, fact, is_goal=False)
     except PddlError as error:
@@ -220,7 +220,7 @@ def check_dto(dto: PddlPropositionDto) -> None:
 
 
 def key_of_atom(transaction: Transaction, atom: Atom, is_goal: bool) -> AtomKey | None:
-    """Return the key of a ground atom; None when it names something unknown."""
+    """Return the key of a ground atom; None if it has an unknown name."""
     predicate = transaction.definitions.predicates.named(atom.predicate)
     ids = transaction.definitions.arguments(map(str, atom.terms))
     return None if predicate is None or ids is None else AtomKey(is_goal, predicate.id, ids)
@@ -243,11 +243,11 @@ _FIRST = first_rows(
 ).scalar_subquery()
 _ACTOR = looked_up(_REVISION.actor, _REVISION.number, _CONFIRMED.since)
 _HELD = table_of(t.PropositionVersionRow).c
-# A fact that was retracted since and saved again is another effect, which nobody has seen.
+# A fact that was retracted and saved again since is another effect, which nobody has confirmed.
 _SINCE = looked_up(
     _HELD.since, _HELD.proposition_id, _CONFIRMED.proposition_id, _HELD.until.is_(None)
 )
-# What an actor has confirmed since a moment, and since it began to hold.
+# The facts that an actor has confirmed since a moment, and since they began to hold.
 _RECENT = Query(
     select(_CONFIRMED.proposition_id).where(
         _CONFIRMED.kb_id == KB,
@@ -278,7 +278,7 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
             "object", name, "fact", lambda view, id_: _OF_OBJECT.answer(view, object=id_)
         )
 
-    # Here, so that `help` shows what is given.
+    # Defined here so that `help` shows its arguments.
     @override
     def save(self, dto: FactLike | Sequence[FactLike]) -> bool:
         return super().save(dto)

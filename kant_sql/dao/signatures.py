@@ -1,4 +1,4 @@
-"""Predicates and functions, with their parameters: how they are defined, and their DAOs."""
+"""Predicates and functions: their parameters, definitions and DAOs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def put_parameters(
     role: str,
     stored: Parameters,
 ) -> Parameters:
-    """Check the parameters of a DTO that is saved, and save their types when they are missing."""
+    """Check the parameters of a DTO to save, and save their missing types."""
     types = expect_list(dto.types, PddlTypeDto, f"the list of types of {role}")
     if len(types) > MAX_ARITY:
         raise ArityError(f"{role} has {len(types)} parameters, {MAX_ARITY} at most")
@@ -48,7 +48,7 @@ def put_parameters(
 
 
 def given_names(dto: PddlPredicateDto | PddlFunctionDto, role: str) -> Sequence[str] | None:
-    """Check the names that a DTO gives to its parameters."""
+    """Check the parameter names of a DTO."""
     if dto.parameter_names is None:
         return None
     names = expect_list(dto.parameter_names, str, f"the list of parameter names of {role}")
@@ -63,7 +63,7 @@ def given_names(dto: PddlPredicateDto | PddlFunctionDto, role: str) -> Sequence[
 
 
 def allowed_types(transaction: Transaction, dto: PddlTypeDto, role: str) -> tuple[int, ...]:
-    """Find the types that a type stands for; save those that are missing."""
+    """Find the types that a type stands for; save missing ones."""
     return tuple(dict.fromkeys(ensure_types(transaction, dto, role)))
 
 
@@ -73,7 +73,7 @@ def same_types(one: Parameters, other: Parameters) -> bool:
 
 
 def agrees(definitions: Definitions, dto: PddlTypeDto, type_ids: Sequence[int]) -> bool:
-    """Return whether a type that is referred to is the stored one."""
+    """Return whether a referenced type is the stored one."""
     names = [definitions.types.live(id_).name for id_ in type_ids]
     if not isinstance(dto, PddlEitherTypeDto) and len(names) == 1:
         return dto.name == names[0] or fold(dto.name) == fold(names[0])
@@ -81,7 +81,7 @@ def agrees(definitions: Definitions, dto: PddlTypeDto, type_ids: Sequence[int]) 
 
 
 def agree(definitions: Definitions, types: Sequence[PddlTypeDto], parameters: Parameters) -> bool:
-    """Return whether the types that are referred to are those of stored parameters."""
+    """Return whether the referenced types are those of stored parameters."""
     return len(types) == len(parameters) and all(
         agrees(definitions, given, parameter.type_ids)
         for given, parameter in zip(types, parameters, strict=True)
@@ -89,7 +89,7 @@ def agree(definitions: Definitions, types: Sequence[PddlTypeDto], parameters: Pa
 
 
 def check_parents(transaction: Transaction, types: Iterable[PddlTypeDto], role: str) -> None:
-    """Check that the parents that referenced types state are the stored ones."""
+    """Check the parents that referenced types state against the stored ones."""
     for type_ in types:
         for part in _parts(type_):
             if part.parent is not None:
@@ -103,7 +103,7 @@ def _parts(dto: PddlTypeDto) -> Sequence[PddlTypeDto]:
 
 
 def refuse_number(dto: PddlTypeDto, role: str) -> None:
-    """Refuse the word that PDDL 3.1 has for numbers as the type of a function's objects."""
+    """Refuse PDDL 3.1's word for numbers as the type of a function's objects."""
     if any(fold(part.name) == "number" for part in _parts(dto)):
         raise InvalidKnowledgeError(
             f"{role} has values of a type called 'number', which PDDL reads as numbers; choose "

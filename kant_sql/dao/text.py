@@ -1,4 +1,4 @@
-"""What a caller gives as text: PDDL, beside nodes, and names; unknown ones are misspelled."""
+"""Arguments given as text: PDDL and names, with similar names for unknown ones."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _KEYWORDS = frozenset({ROOT_TYPE, "preference", *MODALS}).union(*RESERVED.values
 
 
 def expect_text(given: object, what: str, article: str, example: str, *also: type) -> None:
-    """Refuse what is neither text, nor a node, nor of another class that is taken."""
+    """Refuse an argument that is neither text, nor a node, nor of an accepted class."""
     refuse_many(given)
     if not isinstance(given, (str, Node, *also)):
         raise InvalidKnowledgeError(
@@ -48,7 +48,7 @@ def read_text(
 
 
 def read_stored(transaction: Transaction, read: Callable[..., T], given: str | Node) -> T | None:
-    """Read what may be stored; None if it names something that holds no more."""
+    """Read an element that may be stored; None if it names a deleted element."""
     try:
         return read_text(transaction, read, given)
     except PddlError:
@@ -58,7 +58,7 @@ def read_stored(transaction: Transaction, read: Callable[..., T], given: str | N
 
 
 def _names_what_was(transaction: Transaction, text: str) -> bool:
-    """Return whether a text names something that is gone, and nothing that never was."""
+    """Return whether a text names deleted elements, and none that never existed."""
     elements = transaction.definitions.elements
     words = {
         word
@@ -74,9 +74,9 @@ def _names_what_was(transaction: Transaction, text: str) -> bool:
     )
 
 
-# How many names are compared with an unknown one.
+# The number of names that are compared with an unknown one.
 _COMPARED = 5_000
-# How many of the newest revisions are searched for a similar actor.
+# The number of newest revisions that are searched for a similar actor.
 _RECENT = 1_000
 
 _NAMES = {
@@ -91,7 +91,7 @@ _RECENT_ACTORS = Query(first_rows(_ACTORS.order_by(_REVISIONS.number.desc()), _R
 
 
 def refuse_unknown(store: Store, name: str, *kinds: str) -> None:
-    """Refuse a name that nothing of some kinds has ever had in this knowledge base."""
+    """Refuse a name that no element of some kinds ever had in this knowledge base."""
     if kinds == ("type",) and fold(name) == ROOT_TYPE:
         return
     transaction = store.current()
@@ -117,7 +117,7 @@ def refuse_unknown(store: Store, name: str, *kinds: str) -> None:
 
 
 def refuse_unknown_names(store: Store, predicate: str | None, object_: str | None) -> None:
-    """Refuse the name of a predicate or a function, and that of an object, that never was."""
+    """Refuse names of predicates, functions or objects that never existed."""
     if predicate is not None:
         refuse_unknown(store, predicate, "predicate", "function")
     if object_ is not None:

@@ -1,4 +1,4 @@
-"""Types and objects: how they are defined, what others do when they refer to one, the DAOs."""
+"""Types and objects: their definitions, references to them, and the DAOs."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
     dto_class = PddlTypeDto
 
     def put(self, transaction: Transaction, dto: PddlTypeDto, cascade: bool) -> bool:
-        """Insert or redefine a type; return whether that is a change."""
+        """Insert or redefine a type; return whether it changed."""
         check_name("type", dto.name)
         if dto.parent is not None:
             self._ensure_above(transaction, dto, is_saved=True)
         return super().put(transaction, dto, cascade)
 
     def scope(self, definitions: Definitions, ids: Collection[int]) -> Mentioned:
-        """Find what is defined in terms of some types, those below them included."""
+        """Find the elements that are defined in terms of some types or their subtypes."""
         return of_types(definitions, ids)
 
     def _find(self, transaction: Transaction, dto: PddlTypeDto, role: str) -> TypeDefinition:
@@ -74,12 +74,12 @@ class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
         if dto.parent is None:
             return True
         above = stored.parent_ids
-        # The root is above all types that say nothing.
+        # The root is the parent of types that state none.
         parent = type_text(transaction.definitions, above) if above else ROOT_TYPE
         return fold(parent) == fold(dto.parent.name)
 
     def _ensure_above(self, transaction: Transaction, dto: PddlTypeDto, is_saved: bool) -> None:
-        """Find or save all types above one, from the top: hierarchies may be of any depth."""
+        """Find or save all supertypes of a type, from the top: hierarchies may be of any depth."""
         agreed = transaction.agreed_types
         done: set[int] = set()
         path: dict[str, None] = {}
@@ -120,12 +120,12 @@ class TypeDefiner(Definer[PddlTypeDto, TypeDefinition]):
 
 TYPES = TypeDefiner()
 
-# Types with more ancestors than this are compared one by one.
+# With more ancestors than this, types are compared one by one.
 _PLAIN_DEPTH = 8
 
 
 def plain_type(dto: PddlTypeDto) -> Hashable:
-    """Return the name of a referenced type and those above; None if the DTO states more."""
+    """Return the names of a referenced type and its supertypes; None if the DTO states more."""
     if type(dto) is not PddlTypeDto or type(dto.name) is not str:
         return None
     if dto.parent is None:
@@ -150,7 +150,7 @@ def plain_types(dtos: object) -> Hashable:
 
 
 def _agrees_alone(transaction: Transaction, dto: PddlTypeDto) -> bool:
-    """Return whether the types above need no check: the type is stored, its parent states none."""
+    """Return whether the supertypes need no check: the type is stored, its parent states none."""
     parent = dto.parent
     return (
         isinstance(parent, PddlTypeDto)
@@ -161,7 +161,7 @@ def _agrees_alone(transaction: Transaction, dto: PddlTypeDto) -> bool:
 
 
 def _parents(dto: PddlTypeDto) -> Sequence[PddlTypeDto]:
-    """Return the types right above one, as its DTO says."""
+    """Return the direct supertypes of a type, from its DTO."""
     if dto.parent is None:
         return ()
     expect(dto.parent, PddlTypeDto, f"the parent of type {dto.name!r}")
@@ -171,7 +171,7 @@ def _parents(dto: PddlTypeDto) -> Sequence[PddlTypeDto]:
 
 
 def ensure_types(transaction: Transaction, dto: PddlTypeDto, role: str) -> tuple[int, ...]:
-    """Find the types that an element's type stands for; save those that are missing."""
+    """Find the types that an element's type stands for; save missing ones."""
     if not isinstance(dto, PddlEitherTypeDto):
         return (TYPES.ensure(transaction, dto, role).id,)
     types = expect_list(dto.types, PddlTypeDto, f"the list of types of {role}")
@@ -247,7 +247,7 @@ class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):
     def _dto(self, transaction: Transaction, given: PddlObjectDto | str) -> PddlObjectDto:
         dto = super()._dto(transaction, given)
         if isinstance(given, str):
-            # A text cannot say it, so it stays.
+            # A text cannot express it, so keep it.
             stored = transaction.definitions.objects.named(dto.name)
             dto.set_is_constant(stored is not None and stored.is_constant)
         return dto

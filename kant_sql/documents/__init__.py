@@ -1,4 +1,4 @@
-"""Whole domains and problems: load them, write them, plan."""
+"""Whole domains and problems: load them, write them, plan with them."""
 
 from __future__ import annotations
 

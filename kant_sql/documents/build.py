@@ -1,4 +1,4 @@
-"""Building documents from a store, in the order in which they were loaded."""
+"""Builds documents from a store, in the order in which they were loaded."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from ..store.transaction import Transaction
 
 
 def constant_ids(definitions: d.Definitions) -> set[int]:
-    """Find the objects that the domain has to declare."""
+    """Find the objects that the domain must declare."""
     found = {object_.id for object_ in definitions.objects if object_.is_constant}
     trees = [tree for action in definitions.actions for tree in action.trees]
     trees += [each.tree for each in definitions.formulas if each.section in d.DOMAIN_SECTIONS]
@@ -47,7 +47,7 @@ def constant_ids(definitions: d.Definitions) -> set[int]:
 
 
 REQUIREMENT = "requirement"
-# The root type exists undeclared: only an item, as of older versions, shows that a domain has it.
+# The root type exists undeclared: only an item, from older versions, shows that a domain has it.
 _ROOT_ITEM = d.Item("type", ROOT_TYPE)
 _LIVE_ATOMS = ATOM_TABLES[PROPOSITION].live()
 _GOALS = Query(
@@ -83,14 +83,14 @@ def ordered(
     document: d.DocumentDefinition | None,
     section: str,
 ) -> list[T]:
-    """Put things in the order of a document."""
+    """Sort elements in the order of a document."""
     by_key = {key(thing): thing for thing in things}
     names = () if document is None else document.names(section)
     return [by_key[name] for name in _placed(by_key, names)]
 
 
 def _placed(known: Iterable[str], names: Iterable[str]) -> list[str]:
-    """Put the known names that are listed first, as often as they are, and then the others."""
+    """Return the listed known names, with repetitions, and then the others."""
     rest = dict.fromkeys(known)
     listed = [name for name in names if name in rest]
     for name in listed:
@@ -117,10 +117,10 @@ def put_document(
         added = _unshown(stored, list(items))
         if not added and fold(stored.domain or "") == fold(domain or ""):
             return
-        # Titles agree but for their spelling, and the first spelling stays.
+        # Titles differ only in spelling, and the first spelling stays.
         title = stored.title
         items = [*_needed(transaction, stored, added), *added]
-    # The tables keep the order within a section; the sections' own order is that of their names.
+    # The tables keep the order within a section; sections are in the order of their names.
     places = tuple(sorted(items, key=lambda item: item.section))
     identity = identify(transaction, "document", name)
     definition = d.DocumentDefinition(*identity, title, domain, places)
@@ -168,7 +168,7 @@ def _keys(transaction: Transaction, section: str) -> list[str]:
     formulas = [each.name for each in definitions.formulas if each.section == section]
     if section != d.GOAL:
         return formulas
-    # Those that are atoms come first.
+    # Goals that are atoms come first.
     transaction.flush()
     goals = transaction.session.rows(_GOALS, kb=transaction.kb_id)
     return [*(text for _, text in sorted(goals)), *formulas]
@@ -259,10 +259,10 @@ def build_domain(definitions: d.Definitions, default_name: str) -> Domain:
 
 
 class Initial(NamedTuple):
-    """The state of one moment, as rows; each row begins with its id."""
+    """The state at one moment, as rows; each row begins with its id."""
 
-    facts: list[Any]  # id, predicate, arguments (without them for text alone) and text
-    goals: list[Any]  # the same of each goal that is a ground atom
+    facts: list[Any]  # id, predicate, arguments (except for text alone) and text
+    goals: list[Any]  # the same for goals that are ground atoms
     values: list[Any]  # id, function, arguments, number and object; for text alone, id and text
 
 
@@ -272,7 +272,7 @@ def _propositions(held: Any, for_text: bool) -> Query:
     )
     arguments: Any = PropositionRow.arguments
     if for_text:
-        # Goals are built in any case: the document determines their order.
+        # Build goals even for text alone: the document determines their order.
         arguments = case((table_of(PropositionRow).c.is_goal, arguments))
     return Query(
         select(
@@ -286,7 +286,7 @@ def _propositions(held: Any, for_text: bool) -> Query:
 
 
 _ID = itemgetter(0)
-# By whether for text alone, and whether it is about the past.
+# Keyed by: for text alone, and about the past.
 _PROPOSITIONS = {
     for_text: {
         is_past: _propositions(held, for_text)
@@ -305,7 +305,7 @@ _VALUE_TEXTS = {
 
 
 def read_initial(view: View, for_text: bool) -> Initial:
-    """Read the state of one moment, in two statements."""
+    """Read the state at one moment, in two statements."""
     if view.kb_id is None:
         return Initial([], [], [])
     propositions = sorted(view.rows(_PROPOSITIONS[for_text]), key=_ID)
@@ -340,12 +340,12 @@ class _ProblemBuilder(_Builder):
         )
 
     def _domain_name(self, domain: str) -> str:
-        """Spell the domain's name as the problem does, unless it has changed."""
+        """Return the domain's name as the problem spells it, unless it has changed."""
         own = None if self._document is None else self._document.domain
         return domain if own is None or fold(own) != fold(domain) else own
 
     def _literals(self) -> tuple[f.Not | f.Equal, ...]:
-        """Return the initial literals that no fact of a later revision contradicts."""
+        """Return the initial literals that no later fact contradicts."""
         literals = self._section(d.INITIAL)
         facts = {row[3] for row in self._initial.facts} if literals else ()
         return tuple(
@@ -395,13 +395,13 @@ class _ProblemBuilder(_Builder):
 
 
 def build_problem(view: View, default_name: str, domain: str) -> Problem:
-    """Build the problem of one moment."""
+    """Build the problem at one moment."""
     initial = read_initial(view, for_text=False)
     return _ProblemBuilder(view.definitions, initial).build(default_name, domain)
 
 
 def problem_text(view: View, default_name: str, domain: str) -> str:
-    """Write the problem of one moment as PDDL, from the stored texts."""
+    """Write the problem at one moment as PDDL, from the stored texts."""
     initial = read_initial(view, for_text=True)
     problem = _ProblemBuilder(view.definitions, initial).build(default_name, domain, False)
     facts: Sequence[str] = [row[3] for row in initial.facts]

@@ -1,4 +1,4 @@
-"""Elements of one knowledge base in another: ids differ, so all is found by its names."""
+"""Carries elements of one knowledge base into another: ids differ, so names identify them."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from ..sql.rows import FACT, GOAL, VALUE
 from ..store.transaction import Transaction
 from .load import misfits
 
-# The kind of an element, and its name; of facts and formulas their text, of values the fluent.
+# The kind and name of an element; for facts and formulas the text, for values the fluent.
 Key = tuple[str, str]
-# What an element is to say; None if it is to be gone.
+# The new content of an element; None to remove it.
 Wanted = Mapping[Key, str | None]
-# Finds the id of what a definition mentions: from its kind, and its id elsewhere.
+# Finds the id of a mentioned element: from its kind, and its id in the other knowledge base.
 Find = Callable[[str, int], int]
 
 SECTIONS = (*d.DOMAIN_SECTIONS, *d.PROBLEM_SECTIONS)
-# What is part of a state; a formula's kind is its section.
+# The kinds of a state; a formula's kind is its section.
 STATED = {*d.KINDS, *SECTIONS, FACT, GOAL, VALUE} - {"formula"}
 _ONE_TYPE, _TYPES = ("parent_id", "type_id"), ("other_parent_ids", "other_type_ids", "type_ids")
 _TREES = ("duration", "condition", "effect", "tree", "constraint")
@@ -41,7 +41,7 @@ _SHOWN = 10
 
 
 def name_in(kind: str, text: str) -> str:
-    """Return what the text of an element calls it; there is one metric."""
+    """Return the name of an element in its text; there is one metric."""
     if kind == d.METRIC:
         return ""
     if kind == VALUE:
@@ -53,7 +53,7 @@ def name_in(kind: str, text: str) -> str:
 
 
 def is_same(key: Key, one: str | None, other: str | None) -> bool:
-    """Return whether two texts of an element say the same."""
+    """Return whether two texts of an element have the same meaning."""
     if one is None or other is None or fold(one) == fold(other):
         return (one is None) == (other is None)
     if key[0] != VALUE:
@@ -72,7 +72,7 @@ def key_of(kind: str, definition: Any) -> Key:
 
 
 def mentions_of(key: Key, text: str, definition: Any, known: d.Definitions) -> set[Key]:
-    """Return the keys of what an element mentions; a fact or a value has no definition."""
+    """Return the keys of the mentioned elements; facts and values have no definition."""
     if definition is None:
         head, *names = _words(fold(text))
         if key[0] == VALUE:
@@ -90,7 +90,7 @@ def mentions_of(key: Key, text: str, definition: Any, known: d.Definitions) -> s
 
 
 def _renamed(definition: Any, find: Find) -> Any:
-    """Return a definition that mentions by other ids what it mentions."""
+    """Return a definition with the ids of its mentioned elements replaced."""
     changed: dict[str, Any] = {}
     for field, value in zip(definition._fields, definition, strict=True):
         if field in _ONE_TYPE and value is not None:
@@ -135,15 +135,15 @@ def _tree(tree: Tree, find: Find) -> Tree:
 
 
 def carry(transaction: Transaction, others: d.Definitions, wanted: Wanted) -> None:
-    """Make elements what they are in another knowledge base, or remove them.
+    """Write elements as they are in another knowledge base, or remove them.
 
     Args:
-        transaction: where they are written.
+        transaction: the transaction that writes them.
         others: the definitions of the other knowledge base.
-        wanted: what each is to say.
+        wanted: the new content of each.
 
     Raises:
-        ConflictError: something mentions what is not here.
+        ConflictError: an element mentions one that is missing here.
         InvalidKnowledgeError: types or rules of derived predicates would form a circle.
     """
     definitions = transaction.definitions
@@ -153,7 +153,7 @@ def carry(transaction: Transaction, others: d.Definitions, wanted: Wanted) -> No
     for kind in ("document", "rule", "formula", "action"):
         for one in list(definitions.elements(kind)):
             key = key_of(kind, one)
-            # There is one metric, whatever it says.
+            # There is one metric, whatever its content.
             is_other = key[0] == d.METRIC and fold(wanted.get(key) or "") != fold(one.text)
             if key in wanted and (wanted[key] is None or is_other):
                 transaction.undefine(kind, one.id)
@@ -171,7 +171,7 @@ def carry(transaction: Transaction, others: d.Definitions, wanted: Wanted) -> No
 
 
 def _define(transaction: Transaction, others: d.Definitions, kind: str, wanted: Wanted) -> None:
-    """Define what is wanted of a kind; kinds mention those before them only, types each other."""
+    """Define the wanted elements of a kind; kinds mention only earlier kinds, types each other."""
     definitions = transaction.definitions
     brought = [one for one in others.elements(kind) if wanted.get(key_of(kind, one)) is not None]
     if not brought:
@@ -211,8 +211,8 @@ def _refuse_circles(definitions: d.Definitions, names: Iterable[str]) -> None:
 
 def _missing(kind: str, name: str) -> ConflictError:
     return ConflictError(
-        f"{kind} {name!r} is mentioned, and is not here; save it here, or delete there what "
-        "mentions it"
+        f"the branch mentions {kind} {name!r}, which is missing here; save it here, or delete the "
+        "elements of the branch that mention it"
     )
 
 
@@ -275,7 +275,7 @@ def _set_values(transaction: Transaction, wanted: Wanted) -> None:
 
 
 def refuse_misfits(transaction: Transaction) -> None:
-    """Refuse definitions that something does not fit, which each side fitted its own."""
+    """Refuse definitions that elements do not fit: each side fitted only its own definitions."""
     wrong = [*_misfits(transaction)]
     if wrong:
         raise ConflictError(

@@ -1,4 +1,4 @@
-"""Domains and problems: load them, from text or documents, write them, and give them to planners.
+"""Domains and problems: load them from text or documents, write them, and give them to planners.
 
 Each load is one transaction, unless the task or thread has one open.
 """
@@ -41,8 +41,8 @@ class Loaded(NamedTuple):
     """The result of loading a document.
 
     Attributes:
-        revision: the new revision; None when nothing changed, or within an open transaction.
-        warnings: deviations from the standard that can be read in one way only.
+        revision: the new revision; None if nothing changed, or within an open transaction.
+        warnings: deviations from the standard with only one sensible meaning.
     """
 
     revision: int | None
@@ -50,7 +50,7 @@ class Loaded(NamedTuple):
 
 
 class PlanningTask(NamedTuple):
-    """Domain and problem of one revision; within a transaction, of the one it began from."""
+    """Domain and problem of one revision; within a transaction, of the one that it began from."""
 
     revision: int
     domain: Domain
@@ -71,10 +71,10 @@ def load_domain(
             do not contradict each other.
         mode: `replace` retracts elements that the domain lacks: types, constants, predicates,
             functions, constraints, derived predicates, actions, and the facts, values and formulas
-            that no longer fit. `merge` keeps it, and refuses a domain that contradicts it.
+            that no longer fit. `merge` keeps all of them, and refuses a domain that contradicts
+            them.
         strict: refuse deviations from the standard, instead of warning.
-        progress: called with the number of elements written, and the number in total; they
-            are not committed yet.
+        progress: called with the number of written elements, not yet committed, and their total.
 
     Returns:
         The revision, and the warnings with their positions.
@@ -118,7 +118,7 @@ def load_problem(
     Args:
         source: a path, or a text that begins with `(`.
         mode: `replace` retracts elements that the problem lacks: objects, initial state, goal,
-            constraints and metric. `merge` keeps it, and refuses a problem that contradicts it.
+            constraints and metric. `merge` keeps them, and refuses a problem that contradicts them.
         strict: as `load_domain`.
         progress: as `load_domain`.
 
@@ -149,7 +149,7 @@ def load_problem(
         nonlocal read
         now = build_domain(transaction.definitions, _default_name(store.name))
         if now != of_domain:
-            # Another writer changed the domain after the problem was checked against it.
+            # Another writer changed the domain after the check of the problem.
             read = _read_problem(store, source, now, strict)
         store_problem(transaction, read, replace, progress)
 
@@ -159,7 +159,7 @@ def load_problem(
 
 @without_collector()
 def load_documents(store: Store, of_domain: Domain, given: Problem, mode: Mode) -> Loaded:
-    """Load a domain and its problem from any maker, in at most one revision."""
+    """Load documents of a domain and its problem, in at most one revision."""
     replace = _is_replacing(mode)
     # They pass the reader's checks before they are stored.
     checked = read_domain(write(of_domain))
@@ -189,7 +189,7 @@ def domain(state: State) -> Domain:
 
 @without_collector()
 def problem(state: State) -> Problem:
-    """Build the problem: the present state as initial state, and the goals.
+    """Build the problem: the initial state is the present state.
 
     Returns:
         The problem; named like the knowledge base if none was loaded.
@@ -278,7 +278,7 @@ def to_unified_planning(state: State) -> UpProblem:
         The problem.
 
     Raises:
-        UnsupportedConstructError: unified-planning cannot express something of it.
+        UnsupportedConstructError: unified-planning cannot express a part of it.
         PlannerMissingError: unified-planning is not installed.
 
     Examples:
@@ -298,7 +298,7 @@ def load_unified_planning(state: State, problem: UpProblem, *, mode: Mode = "rep
         The revision; there are no warnings.
 
     Raises:
-        UnsupportedConstructError: PDDL cannot express something of it.
+        UnsupportedConstructError: PDDL cannot express a part of it.
         ConflictError: with mode `merge`, the problem contradicts the store.
         ReadOnlyError: this is a view of the past.
 
@@ -327,7 +327,7 @@ def _loaded(
 
 
 def _read(state: State, build: Callable[[View, str, str], T]) -> T:
-    """Build something of one consistent state, which names the problem and the domain."""
+    """Build documents from one consistent state."""
     name = _default_name(state.store.name)
     return state.store.read_in_snapshot(
         lambda view: build(view, name, domain_title(view.definitions, name)), state.at
@@ -345,7 +345,7 @@ def _write(store: Store, work: Callable[[Transaction], None]) -> int | None:
 def _read_problem(store: Store, source: Source, of_domain: Domain, strict: bool) -> Problem:
     if store.read_definitions(lambda known: known.documents.named(DOMAIN)) is not None:
         return read_problem(source, domain=of_domain, strict=strict)
-    # A domain that was made through DAOs fits any name.
+    # A domain made through DAOs fits any name.
     named = read_problem(source, strict=strict).domain
     try:
         own = dataclasses.replace(of_domain, name=named)
@@ -357,12 +357,12 @@ def _read_problem(store: Store, source: Source, of_domain: Domain, strict: bool)
 
 
 def _default_name(name: str) -> str:
-    """Name a document that was never loaded: as the knowledge base, if PDDL allows it."""
+    """Name a document that was never loaded: like the knowledge base, if PDDL allows it."""
     return name if is_name(name, "domain") else "default"
 
 
 def given_texts(view: View, knowledge_base: str) -> tuple[str, str]:
-    """Write the domain and the problem that a planner is given of a state."""
+    """Write the domain and the problem of a state for a planner."""
     name = _default_name(knowledge_base)
     domain = write_domain(build_domain(view.definitions, name))
     return domain, problem_text(view, name, domain_title(view.definitions, name))

@@ -1,4 +1,4 @@
-"""Loading documents into a store."""
+"""Loads documents into a store."""
 
 from __future__ import annotations
 
@@ -42,21 +42,22 @@ class NamedAtoms(NamedTuple):
     """Ground atoms with their keys."""
 
     texts: dict[AtomKey, str]  # canonical PDDL texts
-    old: list[AtomKey]  # those that may be stored; the others mention new objects
+    old: list[AtomKey]  # those that may already be stored; the others mention new objects
 
 
 class NameResolver:
-    """From names in a consistent document to ids; a document has each name in one spelling."""
+    """Maps names in a consistent document to ids; a document has each name in one spelling."""
 
     def __init__(self, transaction: Transaction) -> None:
         definitions, next_id = transaction.definitions, transaction.head.next_id
         self._definitions: d.Definitions = definitions
-        # By kind, the ids and stored names of predicates and functions.
+        # The ids and stored names of predicates and functions, by kind.
         self._heads: dict[str, dict[str, tuple[int, str]]] = {"predicate": {}, "function": {}}
-        # By the address of a number, which the document keeps: equal numbers may be spelled apart.
+        # Keyed by the address of a number, which the document keeps: equal numbers may differ in
+        # spelling.
         self._numbers: dict[int, FluentValue] = {}
         self._ids = {object_.name: str(object_.id) for object_ in definitions.objects}
-        # New objects, of which no atom can be stored.
+        # New objects: no stored atom mentions them.
         self._new: frozenset[str] = frozenset()
         if transaction.is_stateless:
             self._new = frozenset(id_ for id_ in self._ids.values() if int(id_) >= next_id)
@@ -71,13 +72,13 @@ class NameResolver:
             ids, names = find(atom.terms)
             key = AtomKey(is_goal, id_, " ".join(ids))
             texts[key] = f"({name} {' '.join(names)})" if names else f"({name})"
-            # A document has each fact once, but maybe not each goal.
+            # A document has each fact once, but may repeat a goal.
             if is_goal or is_old(ids):
                 old.append(key)
         return NamedAtoms(texts, old)
 
     def values(self, values: Iterable[FunctionValue]) -> tuple[list[_Entry], list[FluentKey]]:
-        """Find the keys of fluents, with their texts and values, and those that may be stored."""
+        """Find the keys of fluents with texts and values, and those that may already be stored."""
         entries, old, known = list[_Entry](), list[FluentKey](), self._heads["function"]
         for fluent, value in values:
             id_, name = known.get(fluent.function) or self._head("function", fluent.function)
@@ -124,7 +125,7 @@ def refuse_contradictions(
 ) -> None:
     """Refuse a problem whose initial state contradicts the stored one."""
     if not transaction.says:
-        # A later saying of a time overrides an earlier one.
+        # A later saying about a time overrides an earlier one.
         _refuse_values(transaction, values)
     denied = [
         literal.formula
@@ -155,11 +156,11 @@ def _refuse_values(transaction: Transaction, values: Collection[_Entry]) -> None
 
 
 def retract_misfits(transaction: Transaction) -> None:
-    """Retract what does not fit the definitions that a transaction has changed."""
+    """Retract facts and values that do not fit the definitions that a transaction has changed."""
     definitions = transaction.definitions
     if not any(_is_redefined(transaction, kind) for kind in d.DECLARED):
         return
-    # Definitions have one clock, and what goes with them, too.
+    # Definitions have only known time, and so has everything retracted with them.
     with transaction.of_now():
         atoms, values = misfits(transaction)
         retract(transaction, atoms)
@@ -212,14 +213,14 @@ _REPORTS = 200
 
 
 class Steps:
-    """Counts the elements that are stored, and reports progress."""
+    """Counts stored elements, and reports progress."""
 
     def __init__(self, progress: Progress | None = None, whole: int = 0) -> None:
         self._progress, self._whole = progress, whole
         self._done = self._next = 0
 
     def add(self, count: int) -> None:
-        """Count elements that are stored."""
+        """Count stored elements."""
         self._done += count
         if self._progress is not None and (self._done >= min(self._next, self._whole)):
             self._next = self._done + max(1, self._whole // _REPORTS)
@@ -227,13 +228,13 @@ class Steps:
 
 
 class Declaring:
-    """Defines what a document declares; the document is consistent in itself."""
+    """Defines the declarations of a consistent document."""
 
     def __init__(self, transaction: Transaction, replace: bool) -> None:
         self._transaction = transaction
         self._definitions = transaction.definitions
         self._replace = replace
-        # By kind, the ids of the declared elements.
+        # The ids of the declared elements, by kind.
         self._declared: defaultdict[str, set[int]] = defaultdict(set)
 
     def types(self, types: Sequence[TypedName]) -> None:
@@ -307,7 +308,7 @@ class Declaring:
             and stored.type_ids == definition.type_ids
             and definition.is_constant
         ):
-            # An action may mention an object, which the domain then declares.
+            # The domain declares objects that an action mentions.
             before = None
         if stored is None or self._replace or before is None:
             self._transaction.define(kind, definition)
@@ -316,7 +317,7 @@ class Declaring:
 
 
 def _says_the_same(stored: Any, definition: Any) -> bool:
-    """Return whether two definitions differ in the names of parameters alone."""
+    """Return whether two definitions differ only in the names of parameters."""
     if isinstance(stored, d.PredicateDefinition | d.FunctionDefinition):
         values = getattr(stored, "type_ids", ()) == getattr(definition, "type_ids", ())
         return values and same_types(stored.parameters, definition.parameters)
@@ -433,7 +434,7 @@ def _retract_undeclared(transaction: Transaction, declaring: Declaring, actions:
 def store_problem(
     transaction: Transaction, problem: Problem, replace: bool, progress: Progress | None = None
 ) -> None:
-    """Store a problem, whose domain is stored."""
+    """Store a problem of the stored domain."""
     if replace:
         remedy = "load it with mode='merge', and delete the facts and values that it lacks"
         transaction.refuse_period("mode='replace'", remedy, unless_open=True)
@@ -476,12 +477,12 @@ class _Before:
     """The state before a problem was loaded."""
 
     def __init__(self, transaction: Transaction) -> None:
-        # Read before anything is added, which then need not be read back.
+        # Read first, so that added elements need not be read back.
         self.atoms = {atom.key: atom for atom in propositions_on(transaction, None)}
         self._values = function_values_on(transaction, None)
 
     def retract(self, transaction: Transaction, values: set[FluentKey]) -> None:
-        """Retract the atoms that are left, and all but some values."""
+        """Retract the remaining atoms, and all values except the given."""
         retract(transaction, list(self.atoms.values()))
         undeclared = [value for value in self._values if value.fluent.key not in values]
         transaction.values.unset(undeclared)
@@ -495,7 +496,7 @@ def _hold(
     before: dict[AtomKey, GroundAtom],
     steps: Steps,
 ) -> None:
-    """Assert atoms; remove from `before` those that held already."""
+    """Assert atoms; remove from `before` those that already hold."""
     propositions = transaction.propositions
     for batch in batches(atoms):
         texts, old = names.atoms(batch, is_goal)

@@ -22,8 +22,8 @@ class PddlConditionEffectDto(AtomDto):
 
     Attributes:
         predicate: the predicate.
-        objects: the terms in order: parameters of the action, or constants.
-        time: `AT_START`, `AT_END` or `OVER_ALL`; `None` in an action that is not durative.
+        objects: the terms, in order: parameters of the action, or constants.
+        time: `AT_START`, `AT_END` or `OVER_ALL`; `None` in an instantaneous action.
         is_negative: whether the literal is negated.
     """
 
@@ -216,7 +216,7 @@ class _InstantDto(PddlActionDto):
 class PddlProcessDto(_InstantDto):
     """A process: continuous change while its condition holds (PDDL+, section 3).
 
-    It has the fields of an action that is not durative; its text is a `:process`.
+    It has the fields of an instantaneous action; its text is a `:process`.
     """
 
     @property
@@ -228,7 +228,7 @@ class PddlProcessDto(_InstantDto):
 class PddlEventDto(_InstantDto):
     """An event: it occurs as soon as its condition holds (PDDL+, section 3).
 
-    It has the fields of an action that is not durative; its text is an `:event`.
+    It has the fields of an instantaneous action; its text is an `:event`.
     """
 
     @property
@@ -237,7 +237,7 @@ class PddlEventDto(_InstantDto):
         return "event"
 
 
-# The classes of actions that have one of their own, by keyword.
+# Classes of actions with their own keyword.
 CLASSES: dict[str, type[PddlActionDto]] = {"process": PddlProcessDto, "event": PddlEventDto}
 
 

@@ -33,8 +33,8 @@ D = TypeVar("D", bound="Dto")
 class Dto:
     """A PDDL element as plain data; `str()` of it is its PDDL text.
 
-    Two DTOs are equal when they denote the same element, whatever their other fields. Assignments
-    to fields are unchecked: a DTO with a field of a wrong type equals only itself, and its text and
+    Two DTOs are equal if they denote the same element, whatever their other fields. Assignments to
+    fields are unchecked: a DTO with a field of a wrong type equals only itself, and its text and
     its hash raise `InvalidKnowledgeError`.
     """
 
@@ -80,14 +80,14 @@ class Dto:
 
 
 def trusted(made: type[D], **fields: object) -> D:
-    """Make a DTO of a class without checks, of a definition that was checked."""
+    """Make a DTO from a checked definition, without checks."""
     dto = object.__new__(made)
     dto.__dict__ = fields
     return dto
 
 
 class NamedDto(Dto):
-    """An element that is identified by its kind and its name, ignoring case."""
+    """An element identified by its kind and its name, ignoring case."""
 
     name: str
     _kind: ClassVar[str]
@@ -102,7 +102,7 @@ class NamedDto(Dto):
 
     @classmethod
     def _checked_name(cls, name: str) -> str:
-        # The rules for names are checked when the element is saved.
+        # Saving the element checks the rules for names.
         if type(name) is not str:
             expect(name, str, f"the name of a {cls.__name__}", InvalidNameError)
         return name
@@ -177,7 +177,7 @@ class PddlTypeDto(NamedDto):
 
 @dataclass(init=False, eq=False)
 class PddlEitherTypeDto(PddlTypeDto):
-    """The type of a parameter or an object that is of one of several types (PDDL 1.2).
+    """The type `either` of a parameter or an object: one of several types (PDDL 1.2).
 
     It can stand for a type in a reference, but cannot be saved. Its name and its text are
     `(either robot human)`.
@@ -217,7 +217,7 @@ class PddlObjectDto(NamedDto):
     Attributes:
         type: the object's type.
         name: the object's name; a parameter's is written without its question mark.
-        is_constant: whether the domain declares it, not the problem; ignored in references.
+        is_constant: whether the domain, not the problem, declares it; ignored in references.
     """
 
     type: PddlTypeDto
@@ -240,11 +240,11 @@ class PddlObjectDto(NamedDto):
         self.type = expect(type, PddlTypeDto, "the type of a PddlObjectDto")
 
     def get_is_constant(self) -> bool:
-        """Return whether the domain declares it, not the problem."""
+        """Return whether the domain, not the problem, declares it."""
         return self.is_constant
 
     def set_is_constant(self, is_constant: bool) -> None:
-        """Set whether the domain declares it, not the problem."""
+        """Set whether the domain, not the problem, declares it."""
         self.is_constant = flag(is_constant, "is_constant of a PddlObjectDto")
 
     def _text(self) -> str:
@@ -252,7 +252,7 @@ class PddlObjectDto(NamedDto):
 
 
 def trusted_object(type: PddlTypeDto, name: str, is_constant: bool) -> PddlObjectDto:
-    """Make an object without checks, of a definition that was checked."""
+    """Make an object from a checked definition, without checks."""
     dto = object.__new__(PddlObjectDto)
     dto.type = type
     dto.name = name
@@ -320,7 +320,7 @@ class PddlPredicateDto(DeclarationDto):
 
 
 class AppliedDto(Dto):
-    """A predicate or a function with the terms that it is applied to."""
+    """A predicate or a function applied to terms."""
 
     objects: list[PddlObjectDto]
 
@@ -338,7 +338,7 @@ class AppliedDto(Dto):
 
 @dataclass(init=False, eq=False)
 class AtomDto(AppliedDto):
-    """A predicate and the terms that it is applied to.
+    """A predicate applied to terms.
 
     Attributes:
         predicate: the predicate.
@@ -490,7 +490,7 @@ Value = int | float | Decimal | PddlObjectDto
 
 @dataclass(init=False, eq=False)
 class PddlFunctionValueDto(AppliedDto):
-    """A function applied to objects, and its value there.
+    """A function applied to objects, with its value.
 
     Equal by function and objects, whatever the value. Its text is `(= (distance wp1 wp2) 10)`.
 

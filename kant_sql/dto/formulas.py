@@ -1,7 +1,7 @@
 """The nodes of conditions, effects, goals, constraints and metrics: immutable data.
 
-Methods may recurse: formulas nested more than `MAX_NESTING` levels deep are refused where they are
-read, stored or asked.
+Methods may recurse: reading, storing and asking refuse formulas nested more than `MAX_NESTING`
+levels deep.
 
 Each node is a construct of the language, with its name in the papers: PDDL 2.1 (Fox and Long,
 2003), PDDL 2.2 (Edelkamp and Hoffmann, 2004), PDDL 3.0 (Gerevini and Long, 2005), PDDL 3.1
@@ -21,7 +21,7 @@ from ..arguments import Readable, expect, expect_tuple, items
 from .lexical import ROOT_TYPE, check_number, decimal_text, either_text, with_article
 
 # Three times the deepest formula of the planning competitions. Each database evaluates as many
-# quantifiers: SQLite refuses expressions of 1,000 levels and joins of 64 tables.
+# quantifiers: SQLite refuses expressions of 1,000 levels, and joins of 64 tables.
 MAX_NESTING = 50
 NESTING_REMEDY = (
     f"at most {MAX_NESTING} levels; name a part by a derived predicate, or give one (and ...), "
@@ -51,7 +51,7 @@ class Checked:
 
 
 class Node(Checked, Readable):
-    """A node of a formula, an effect or an expression; it is its own copy."""
+    """A node of a formula, an effect or an expression; copying returns the node itself."""
 
     __slots__ = ()
 
@@ -85,7 +85,7 @@ def children(node: Node) -> tuple[Node, ...]:
 
 
 def head(node: Node, explicit: bool = False) -> str:
-    """Return the text between the parenthesis of a node and its first child."""
+    """Return the text from the opening parenthesis of a node to its first child."""
     kind = type(node)
     word = _WORDS.get(kind)
     if word is not None:
@@ -101,7 +101,7 @@ def head(node: Node, explicit: bool = False) -> str:
 
 
 def node_text(node: Node, head_of: Callable[[Node], str]) -> str:
-    """Write a node; `head_of` gives the head of each node that has a parenthesis."""
+    """Write a node; `head_of` returns the head of each node in parentheses."""
     texts: list[str] = []
     stack: list[Node | None] = [node]
     while stack:
@@ -253,7 +253,7 @@ def skeleton_text(name: str, variables: Iterable[TypedName], explicit: bool = Fa
 
 
 def typed_runs(names: Sequence[TypedName], explicit: bool) -> Iterator[list[str]]:
-    """Yield the words of each run of one type in a typed list; `object` is implicit at its end."""
+    """Yield the words of each run of one type in a typed list; `object` at its end is implicit."""
     end = len(names)
     if not explicit:
         end = typed_end([name.types != (ROOT_TYPE,) for name in names])
@@ -264,7 +264,7 @@ def typed_runs(names: Sequence[TypedName], explicit: bool) -> Iterator[list[str]
 
 
 def typed_end(typed: Sequence[bool]) -> int:
-    """Return where the part of a list ends that needs types."""
+    """Return the end of the part of a list that needs types."""
     return max((position for position, is_typed in enumerate(typed, 1) if is_typed), default=0)
 
 
@@ -367,10 +367,10 @@ class Exists(FormulaNode):
 
 @dataclass(frozen=True, slots=True)
 class Count(FormulaNode):
-    """A formula that holds for at most one object, or for exactly one: rules alone have it.
+    """A formula that holds for at most or exactly one object; only rules may have it.
 
     Attributes:
-        variables: the variables that are counted; several count combinations.
+        variables: the counted variables; with several, combinations count.
         formula: the formula.
         operator: `at-most-one` or `exactly-one`.
     """
@@ -398,7 +398,7 @@ class Preference(FormulaNode):
     """A soft goal, precondition or constraint (PDDL 3.0, section 3).
 
     Attributes:
-        name: its name, which others may share; None without one.
+        name: its name, which need not be unique; None without one.
         formula: the preferred formula.
     """
 
@@ -502,12 +502,12 @@ DURATION, TOTAL_TIME, TOTAL_COST = "duration", "total-time", "total-cost"
 AT_START, OVER_ALL, AT_END = "at start", "over all", "at end"
 TIMES = (AT_START, OVER_ALL, AT_END)
 COMPARISONS = ("<", "<=", "=", ">=", ">")
-# How each compares its right side with its left one.
+# The same comparison with the sides exchanged.
 MIRRORED = dict(zip(COMPARISONS, reversed(COMPARISONS), strict=True))
 ARITHMETIC = ("+", "-", "*", "/")
 COUNTS = ("at-most-one", "exactly-one")
 ASSIGNMENTS = ("assign", "increase", "decrease", "scale-up", "scale-down")
-# The numbers of times and of formulas of each modal operator.
+# How many times and formulas each modal operator has.
 MODALS = {
     "always": (0, 1),
     "sometime": (0, 1),
@@ -520,7 +520,7 @@ MODALS = {
     "hold-after": (1, 1),
 }
 
-# The heads of nodes without other parts in it; most others begin with their first field.
+# The fixed heads of nodes; most other nodes begin with their first field.
 _WORDS: dict[type, str] = {
     Equal: "=",
     Not: "not",
@@ -556,8 +556,8 @@ _CHECKS: dict[type, list[_Check]] = {}
 def _checks(kind: type) -> list[_Check]:
     """Compute and cache the checks of a class."""
     hints = get_type_hints(kind)
-    # One class is faster to check than a union. The writer refuses what a document cannot contain,
-    # and says where.
+    # One class is faster to check than a union. The writer refuses nodes that a document cannot
+    # contain, with their position.
     formula = FormulaNode if issubclass(kind, Node) else Node
     found = []
     for field in fields(kind):

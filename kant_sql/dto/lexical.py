@@ -3,8 +3,8 @@
 PDDL is case-insensitive (Fox and Long, PDDL 2.1, 2003, section 2 and appendix A), and its names are
 a letter followed by letters, digits, `-` and `_`. Real files start names with digits and use other
 characters, and users name things in their own language. So a name here is any sequence of
-characters that PDDL text can express without ambiguity, wherever a name of its kind may stand.
-DAOs, reader and writer share this rule; `docs/names.md` explains it.
+characters that PDDL text can express unambiguously in every place of a name of its kind. DAOs,
+reader and writer share this rule; `docs/names.md` explains it.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ _INVISIBLE = re.compile(
 )
 _COMPARISONS = frozenset({"<", "<=", "=", ">=", ">"})
 _OPERATORS = _COMPARISONS | {"and", "or", "not", "imply", "forall", "exists", "when"}
-# Folded words with another meaning where a name of the kind may stand.
+# Folded words with another meaning in the place of a name of the kind.
 RESERVED: dict[str, frozenset[str]] = {
     "predicate": _OPERATORS,
     "function": _OPERATORS | {"+", "-", "*", "/", "is-violated"},
-    # In a metric, `(total-time)` may be a declared function, but only one without parameters.
+    # In a metric, `(total-time)` may be a declared function, but only without parameters.
     "function of objects": _OPERATORS | {"+", "-", "*", "/", "is-violated", "total-time"},
     "type": frozenset({"either"}),
     "variable of a durative action": frozenset({"duration"}),
@@ -56,7 +56,7 @@ def fold(name: str) -> str:
         raise refusal("a name", "a string", name, InvalidNameError)
     if name.isascii():
         return name.lower()
-    # The Unicode Standard, section 3.13, D145: case folding is of decomposed text.
+    # The Unicode Standard, section 3.13, D145: fold the case of decomposed text.
     return unicodedata.normalize("NFC", unicodedata.normalize("NFD", name).casefold())
 
 
@@ -110,13 +110,13 @@ def name_fault(kind: str, name: str) -> str | None:
 def is_word(name: str) -> bool:
     """Return whether a string is one word of PDDL text.
 
-    This check suits lookups: stores may have names that `is_name` of an older version accepted.
+    Lookups use this check: stores may have names that `is_name` of an older version accepted.
     """
     return _word_fault(name) is None
 
 
 def is_name(name: str, kind: str) -> bool:
-    """Return whether PDDL text can express a name, wherever a name of its kind may stand."""
+    """Return whether PDDL text can express a name in every place of its kind."""
     # The fast path: there may be a million names, most of them standard.
     if _STANDARD.fullmatch(name) is not None and kind not in RESERVED:
         return True
@@ -129,12 +129,12 @@ def is_requirement(requirement: str) -> bool:
 
 
 def function_kind(parameters: Sized, types: Sized) -> str:
-    """Return which kind of name a function has."""
+    """Return the kind of name of a function."""
     return "function of objects" if parameters or types else "function"
 
 
 def with_article(noun: str) -> str:
-    """Write a noun behind `a` or `an`."""
+    """Return a noun with `a` or `an`."""
     return f"{'an' if noun[0] in 'AEIOUaeiou' else 'a'} {noun}"
 
 
@@ -152,12 +152,12 @@ def check_name(kind: str, name: str) -> None:
 
 # Enough digits for the exact value of any double; bounds the length of texts.
 MAX_DIGITS = 400
-# What is added, subtracted and multiplied has an end, so this many digits are never used up.
+# Sums, differences and products terminate, so they never need this many digits.
 EXACT_DECIMALS = Context(prec=MAX_PREC, Emax=MAX_EMAX, Emin=MIN_EMIN)
 
 
 def is_same_number(one: str, other: str) -> bool:
-    """Return whether two texts are the same number, as 10 and 10.0 are."""
+    """Return whether two texts are the same number, such as 10 and 10.0."""
     try:
         return Decimal(one) == Decimal(other)
     except ArithmeticError:

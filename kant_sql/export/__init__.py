@@ -1,6 +1,6 @@
-"""Writing what a store has to files: the audit's views with types, and formats of plugins.
+"""Exports a store to files: the views for auditors, with types, and formats of plugins.
 
-The files are of one consistent state. pyarrow, of the extra `data`, is imported on first use.
+The files contain one consistent state. pyarrow, of the extra `data`, is imported on first use.
 """
 
 from __future__ import annotations

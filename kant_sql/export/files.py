@@ -1,4 +1,4 @@
-"""Exporting the views for auditors: a folder with all of the files or none, and their formats."""
+"""Exports the views for auditors: a folder with all files or none, and their formats."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ if TYPE_CHECKING:
     import pyarrow
 
 FORMATS = ("parquet", "csv", "jsonl")
-# Written last: what an export consists of. Readers of partitions skip a name that begins so.
+# Written last: the contents of the export. Readers of partitions skip names that begin with `_`.
 MANIFEST = "_export.json"
 PARTITION = "knowledge_base="
-# The longest name of a file in bytes, and digits of the hash in the place of what does not fit.
+# The longest name of a file in bytes, and the digits of the hash that replaces the excess.
 _LONGEST, _DIGITS = 255, 16
-# Hive takes these values for no value.
+# Hive reads these values as NULL.
 _NOTHING = frozenset({"null", "__hive_default_partition__"})
 
 
@@ -54,10 +54,10 @@ class ExportedFile(NamedTuple):
     """A file of an export.
 
     Attributes:
-        path: where it is in the folder, with slashes.
-        knowledge_base: the name of the knowledge base that it is of.
-        content: the view whose rows it has, or a plugin's name for it.
-        rows: how many rows it has, or messages.
+        path: its path in the folder, with slashes.
+        knowledge_base: the name of its knowledge base.
+        content: the view whose rows it contains, or a plugin's name for its content.
+        rows: the number of its rows or messages.
         bytes: its size.
         sha256: the hash of its bytes.
     """
@@ -71,17 +71,17 @@ class ExportedFile(NamedTuple):
 
 
 class Exported(NamedTuple):
-    """What an export wrote.
+    """The result of an export.
 
     Attributes:
-        folder: where to.
+        folder: its folder.
         format: the format of the files.
         store: the URL of the store, without its password.
-        since: the revision or time that it was asked to begin with; None for all.
-        until: the revision or time that it was asked to end with; None for all.
-        knowledge_bases: the knowledge bases as they were.
+        since: the given first revision or time; None for all.
+        until: the given last revision or time; None for all.
+        knowledge_bases: the state of the knowledge bases at that moment.
         files: the files.
-        clock: `committed`, or `valid` for the times when it was true.
+        clock: `committed`, or `valid` for valid times.
     """
 
     folder: str
@@ -95,7 +95,7 @@ class Exported(NamedTuple):
 
 
 class PluggedFormat(Protocol):
-    """A format of a plugin, of the group `kant_sql.export_formats`: facts and values over time."""
+    """A format of a plugin in the group `kant_sql.export_formats`: facts and values over time."""
 
     def __call__(
         self,
@@ -111,9 +111,10 @@ class PluggedFormat(Protocol):
         progress: Progress | None = None,
         clock: str = COMMITTED,
     ) -> Exported:
-        """Write a folder, as `export_store` does: of some predicates and functions, or elements.
+        """Write a folder, as `export_store` does, of some predicates and functions, or elements.
 
-        A format of what was known and done refuses the clock `valid`, by `refuse_valid_clock`.
+        A format that has no meaning on valid time refuses the clock `valid`, by
+        `refuse_valid_clock`.
         """
 
 
@@ -121,7 +122,7 @@ PLUGGED_FORMATS: Plugins[PluggedFormat] = Plugins("kant_sql.export_formats")
 
 
 def refuse_valid_clock(clock: str, what: str) -> None:
-    """Refuse the clock of valid times for a format that has no meaning on it."""
+    """Refuse the clock `valid` for a format that has no meaning on it."""
     if is_valid_clock(clock):
         raise InvalidArgumentError(
             f"{what} by revisions, not by valid times: leave out clock='valid' (--clock); "
@@ -130,20 +131,20 @@ def refuse_valid_clock(clock: str, what: str) -> None:
 
 
 def bound(given: int | datetime | None) -> int | str | None:
-    """Write what an export was asked to begin or end with."""
+    """Write a given bound of an export."""
     return time_text(given.astimezone(UTC)) if isinstance(given, datetime) else given
 
 
 def folder_name(name: str) -> str:
     """Name the folder of a knowledge base's files, as Hive names partitions."""
-    # What is not a letter, digit or one of `-_.` of ASCII is percent-encoded, so that no name
-    # leaves the folder. A name that is too long for a folder ends with a hash of it instead.
+    # Percent-encode all but ASCII letters, digits and `-_.`, so that no name leaves the folder. A
+    # name that is too long for a folder ends with its hash.
     part = encoded(name)
     if name.lower() in _NOTHING or set(name) <= {"."}:
         part = f"%{ord(name[0]):02X}{part[1:]}"
     room = _LONGEST - len(PARTITION)
     if len(part) > room:
-        # Cut between characters: half of one cannot be decoded.
+        # Cut between characters: a partial one cannot be decoded.
         digest = sha256(name.encode()).hexdigest()[:_DIGITS]
         sizes = accumulate(len(encoded(character)) for character in name)
         kept = sum(size <= room - _DIGITS - 1 for size in sizes)
@@ -152,7 +153,7 @@ def folder_name(name: str) -> str:
 
 
 def encoded(name: str) -> str:
-    """Percent-encode what is not a letter or digit of ASCII, or one of `-_.`."""
+    """Percent-encode all characters but ASCII letters, digits and `-_.`."""
     return quote(name, safe="").replace("~", "%7E")
 
 
@@ -164,7 +165,7 @@ def _parquet(file: BinaryIO, schema: pyarrow.Schema) -> Iterator[Write]:
     arrow = import_arrow()
     from pyarrow import parquet
 
-    # Readers of partitions have the name as a dictionary, too, and refuse to mix both.
+    # Readers of partitions read the name as a dictionary, and refuse to mix both.
     names = arrow.dictionary(arrow.int32(), arrow.string())
     schema = schema.set(0, arrow.field(schema.field(0).name, names))
     with parquet.ParquetWriter(file, schema, compression="zstd") as writer:
@@ -173,7 +174,7 @@ def _parquet(file: BinaryIO, schema: pyarrow.Schema) -> Iterator[Write]:
 
 @contextmanager
 def _csv(file: BinaryIO, schema: pyarrow.Schema) -> Iterator[Write]:
-    """Write texts in quotes, nothing at all for NULL, times as in the audit."""
+    """Write texts in quotes, NULL as an empty field, and times as in the audit views."""
     from pyarrow import csv
 
     with csv.CSVWriter(file, _with_text_times(schema)) as writer:
@@ -207,7 +208,7 @@ def _with_text_times(schema: Any) -> Any:
 
 
 def _text_times(batch: Any) -> Any:
-    """Write times as the audit's views of SQLite have them."""
+    """Write times as in the audit views on SQLite."""
     arrow = import_arrow()
     from pyarrow import compute
 
@@ -221,7 +222,7 @@ def _text_times(batch: Any) -> Any:
 
 
 def _finite(column: Any) -> Any:
-    """Leave out numbers that JSON does not have: those too large for a double."""
+    """Omit numbers that JSON cannot express: those too large for a double."""
     arrow = import_arrow()
     from pyarrow import compute
 
@@ -231,7 +232,7 @@ def _finite(column: Any) -> Any:
 
 
 class Folder:
-    """The folder of an export while it is written: beside what is there, until all is written."""
+    """The folder of an export in progress: beside the present files until all is written."""
 
     def __init__(self, target: Path, part: Path) -> None:
         self.target = target
@@ -240,7 +241,7 @@ class Folder:
 
     @contextmanager
     def new_file(self, path: str, state: KnowledgeBaseState, content: str) -> Iterator[NewFile]:
-        """Create a file, and record it when the block is left without an error."""
+        """Create a file, and record it if the block ends without an error."""
         place = self._part / path
         place.parent.mkdir(parents=True, exist_ok=True)
         with place.open("xb") as file:
@@ -252,13 +253,13 @@ class Folder:
         self.files.append(ExportedFile(path, state.name, content, made.rows, size, digest))
 
     def finish(self, exported: Exported, old: Sequence[str]) -> None:
-        """Put the files where they belong, in the place of those of an export before."""
+        """Move the files to their place, and replace those of an earlier export."""
         text = json.dumps(json_value(exported), ensure_ascii=False, indent=1)
-        # Names of folders may not be UTF-8; JSON has the escapes that this writes then.
+        # Names of folders may not be UTF-8; JSON contains escapes then.
         manifest = f"{text}\n".encode(errors="backslashreplace")
         (self._part / MANIFEST).write_bytes(manifest)
         if old:
-            # First: without it, what follows is not a complete export.
+            # First: without it, the rest is not a complete export.
             (self.target / MANIFEST).unlink()
         for path in old:
             (self.target / path).unlink(missing_ok=True)
@@ -270,11 +271,11 @@ class Folder:
 
 
 class NewFile:
-    """A file that is being written."""
+    """A file in progress."""
 
     def __init__(self, file: BinaryIO) -> None:
         self.file = file  # where its bytes go
-        self.rows = 0  # how many rows it has; the writer counts them
+        self.rows = 0  # the number of its rows, counted by the writer
 
 
 def _remove_empty(folder: Path, top: Path) -> None:
@@ -285,7 +286,7 @@ def _remove_empty(folder: Path, top: Path) -> None:
 
 
 def files_of_export(target: Path) -> list[str]:
-    """List the files of an earlier export, if that is all that a folder has."""
+    """List the files of an earlier export, if the folder has no others."""
     if not target.exists():
         return []
     present = {
@@ -307,8 +308,8 @@ def files_of_export(target: Path) -> list[str]:
 
 @contextmanager
 def new_folder(target: Path, replace: bool) -> Iterator[tuple[Folder, list[str]]]:
-    """Prepare a folder for files; give it, and the files that they take the place of."""
-    # Whatever fails in the block leaves the folder as it was.
+    """Prepare a folder for files; yield it, and the files that they replace."""
+    # A failure in the block leaves the folder unchanged.
     if not replace and target.exists() and (not target.is_dir() or any(target.iterdir())):
         raise InvalidArgumentError(
             f"{printable(str(target))} is not an empty folder; name another one, or replace the "
@@ -345,19 +346,19 @@ def export_store(
     """Write the views for auditors to files, from one consistent state, in constant memory.
 
     Each view has a folder, with a folder for each knowledge base:
-    `audit_fact/knowledge_base=tiago/audit_fact.parquet`. All files are there in the end, or none.
+    `audit_fact/knowledge_base=tiago/audit_fact.parquet`. The folder gets all files or none.
 
     Args:
         url: the database URL.
         to: the folder; it is created if it is missing.
         format: `parquet`, `csv` or `jsonl`.
-        knowledge_base: the one whose rows they are; None for all of the store.
-        views: the names of views, as `fact` or `audit_fact`; None for all.
-        since: leave out what ended before this revision or aware time. A revision is of one
-            knowledge base, which must be named.
-        until: leave out what began after this revision or aware time.
+        knowledge_base: only rows of this one; None for all of the store.
+        views: the names of views, such as `fact` or `audit_fact`; None for all.
+        since: omit rows that ended before this revision or aware time. With a revision, you must
+            name the knowledge base.
+        until: omit rows that began after this revision or aware time.
         replace: whether to replace an earlier export in the folder.
-        progress: called with the amount of work done, and the amount in total.
+        progress: called with the amount of work done, and the total.
 
     Returns:
         The written files.
@@ -367,7 +368,7 @@ def export_store(
             range ends before it begins.
         KantSqlError: there is no such knowledge base.
         UnknownRevisionError: there is no such revision, or a time has no zone.
-        ExtraMissingError: pyarrow is not installed; the extra `data` has it.
+        ExtraMissingError: pyarrow is not installed; it comes with the extra `data`.
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.
         StoreError: the database cannot be read.
         OSError: the files cannot be written.
@@ -383,14 +384,14 @@ def export_store(
 
 @dataclass
 class Export:
-    """An export that is being written."""
+    """An export in progress."""
 
-    snapshot: StoreSnapshot  # the store as it was
+    snapshot: StoreSnapshot  # the snapshot of the store
     folder: Folder  # where the files go
-    # The knowledge bases, each with the revisions that are wanted, from first to last.
+    # The knowledge bases, each with the range of wanted revisions.
     windows: list[tuple[KnowledgeBaseState, Window | None]]
     _progress: Progress | None
-    exported: Exported = field(init=False)  # what was written, once all is
+    exported: Exported = field(init=False)  # the result, once all is written
 
     def each(self) -> Iterator[tuple[KnowledgeBaseState, Window]]:
         """Yield the knowledge bases one by one, and report when each is done."""
@@ -401,7 +402,7 @@ class Export:
             self.tell(done)
 
     def tell(self, done: int, times: int = 1) -> None:
-        """Tell how many revisions are done, of all so many times."""
+        """Report how many revisions are done, of all, so many times."""
         if self._progress is not None:
             whole = times * sum(state.revision for state, _ in self.windows)
             self._progress(min(done, whole), whole)
@@ -419,7 +420,7 @@ def new_export(
     progress: Progress | None,
     clock: str = COMMITTED,
 ) -> Iterator[Export]:
-    """Prepare an export of one snapshot of a store, which is whole once the block is left."""
+    """Prepare an export of one snapshot of a store; the end of the block completes it."""
     target = check_target(to, knowledge_base, replace, progress)
     bounds = check_window(since, until, knowledge_base)
     with open_snapshot(url) as snapshot, new_folder(target, replace) as (folder, old):
@@ -434,7 +435,7 @@ def new_export(
 
 
 def check_target(to: object, knowledge_base: object, replace: object, progress: object) -> Path:
-    """Check what all exports are given."""
+    """Check the arguments that all exports share."""
     kinds: tuple[type[Any], ...] = (str, PathLike)
     path = fspath(expect(to, kinds, "the folder", InvalidArgumentError))
     if not isinstance(path, str) or not path or "\0" in path:
@@ -453,7 +454,7 @@ def _chosen_views(names: Sequence[str] | None) -> list[AuditView]:
 
 
 def _write_views(export: Export, format: str, views: Iterable[AuditView]) -> Iterator[int]:
-    """Write views to files; yield how much of all is done: revisions, once for each view."""
+    """Write views to files; yield the progress: revisions, once for each view."""
     done = 0
     for (state, window), view in product(export.windows, views):
         path = f"{view.name}/{folder_name(state.name)}/{view.name}.{format}"
@@ -470,7 +471,7 @@ def _write_views(export: Export, format: str, views: Iterable[AuditView]) -> Ite
 
 
 def _revision_of(view: AuditView, batch: pyarrow.RecordBatch) -> int:
-    """Return how far a batch goes, where rows are in the order of revisions."""
+    """Return the last revision of a batch, if rows are in the order of revisions."""
     if view.order[0] not in ("since", "revision"):
         return 0
     last: int = batch.column(view.order[0])[-1].as_py()

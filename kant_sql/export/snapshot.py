@@ -1,4 +1,4 @@
-"""One consistent state of a store, and what is read of it batch by batch."""
+"""One consistent state of a store, read batch by batch."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ from ..sql.valid_periods import ValidRange
 if TYPE_CHECKING:
     import pyarrow
 
-# The first and the last revision of what is read.
+# The first and the last revision to read.
 Window = tuple[int, int]
 
 
 class KnowledgeBaseState(NamedTuple):
-    """A knowledge base as it is in an export.
+    """The state of a knowledge base in an export.
 
     Attributes:
         name: its name.
         revision: the number of its last revision.
-        hash: the hash of that revision, which covers all before.
+        hash: the hash of that revision, which covers all earlier ones.
         committed_at: when that was committed, as 2026-03-02T14:03:00.000000Z.
-        archived: what ended up to this revision is in an archive, and not here; 0 without one.
+        archived: versions that ended up to this revision are in an archive; 0 without one.
     """
 
     name: str
@@ -59,7 +59,7 @@ class StoreSnapshot:
     def __init__(self, session: Session) -> None:
         self.session = session
         self.label = session.backend.label  # the URL for messages, without passwords
-        self.ids: dict[str, int] = {}  # their ids, by name
+        self.ids: dict[str, int] = {}  # ids by name
         self.states = []  # the knowledge bases that have a revision, oldest first
         for kb_id, name, revision, digest, committed_at, archived in read_heads(session):
             self.ids[name] = kb_id
@@ -106,7 +106,7 @@ class StoreSnapshot:
     def valid_range(
         self, state: KnowledgeBaseState, since: When | None, until: When | None
     ) -> ValidRange:
-        """Return a range of valid times; what was before may be in the archive."""
+        """Return a range of valid times; earlier ones may be in the archive."""
         bounds = check_window(since, until, state.name)
         numbers = {number for number in (*bounds, state.archived) if isinstance(number, int)}
         told = read_numbered(self.session, self.ids[state.name], numbers)
@@ -129,7 +129,7 @@ class StoreSnapshot:
 def check_window(
     since: When | None, until: When | None, knowledge_base: str | None
 ) -> tuple[Moment | None, Moment | None]:
-    """Read bounds; refuse those that no store has, and numbers for many knowledge bases."""
+    """Read bounds; refuse impossible ones, and numbers for many knowledge bases."""
     bounds = read_when(since), read_when(until)
     for bound in bounds:
         if isinstance(bound, datetime):
@@ -143,7 +143,7 @@ def check_window(
 
 @contextmanager
 def open_snapshot(url: str) -> Iterator[StoreSnapshot]:
-    """Open a store for reading one consistent state. Nothing is created."""
+    """Open a store to read one consistent state; create nothing."""
     check(url)
     with closing(create_backend(url)) as backend, backend.open_session() as session:
         session.begin(write=False)
@@ -157,16 +157,16 @@ def open_snapshot(url: str) -> Iterator[StoreSnapshot]:
 def open_reader(
     url: str, *, view: str, knowledge_base: str | None = None
 ) -> Iterator[pyarrow.RecordBatchReader]:
-    """Read a view for auditors batch by batch, in constant memory, from one consistent state.
+    """Read a view for auditors in batches, in constant memory, from one consistent state.
 
     Args:
         url: the database URL.
-        view: the view's name, as `fact` or `audit_fact`.
+        view: the view's name, such as `fact` or `audit_fact`.
         knowledge_base: the one whose rows they are; None for all of the store.
 
     Returns:
-        A context manager that gives a `pyarrow.RecordBatchReader`, to read within its block. DuckDB
-        and polars read from it, too.
+        A context manager with a `pyarrow.RecordBatchReader`, to read within its block, also by
+        DuckDB and polars.
 
     Raises:
         InvalidArgumentError: there is no such view.

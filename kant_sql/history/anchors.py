@@ -1,4 +1,4 @@
-"""What auditors take from a store: anchors, to keep elsewhere, and views as tables with types."""
+"""Anchors, to keep outside of the store, and views for auditors as tables with types."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 FORMAT = 1
 _HASH = re.compile(r"[0-9a-f]{64}")
-# Of the revision, not of the head: verification compares with the former.
+# The hash of the revision, not of the head: verification compares with the former.
 _HEADS = Query(
     select(
         KnowledgeBaseRow.name,
@@ -64,8 +64,8 @@ class Anchor(NamedTuple):
     """The heads of the knowledge bases of a store.
 
     Attributes:
-        heads: those that have a revision, the oldest knowledge base first.
-        made_at: when they were read, by the store's clock, `2026-01-31T09:30:00.000000Z`.
+        heads: those with a revision, the oldest knowledge base first.
+        made_at: the time of reading by the store's clock, `2026-01-31T09:30:00.000000Z`.
     """
 
     heads: tuple[AnchoredHead, ...]
@@ -78,7 +78,7 @@ class Anchor(NamedTuple):
             knowledge_base: its name.
 
         Returns:
-            Its head; None when it is not in the anchor.
+            Its head; None if it is not in the anchor.
         """
         return next((head for head in self.heads if head.knowledge_base == knowledge_base), None)
 
@@ -132,7 +132,7 @@ def parse_anchor(text: str | bytes) -> Anchor:
         The anchor.
 
     Raises:
-        AnchorError: it is not an anchor, or one of a later version of the library.
+        AnchorError: the text is not an anchor, or is one of a later version of the library.
     """
     expect(text, (str, bytes, bytearray), "the text of an anchor", AnchorError)
     try:
@@ -198,21 +198,21 @@ def _checked_head(position: int, head: AnchoredHead) -> AnchoredHead:
 def to_arrow(state: State, view: str) -> pyarrow.Table:
     """Read a view for auditors as a table with types, for pandas, polars and DuckDB.
 
-    Times are timestamps in UTC, numbers of revisions, ids and counts 64-bit integers, seconds
-    and numbers doubles, truths booleans; the rest, JSON of the source too, is text.
+    Times are timestamps in UTC; revisions, ids and counts are 64-bit integers; seconds and numbers
+    are doubles; truth values are booleans; the rest, including the JSON of the source, is text.
 
     Args:
-        view: the view's name, as `fact` or `audit_fact`; `docs/audit.md` describes them.
+        view: the view's name, such as `fact` or `audit_fact`; `docs/audit.md` describes them.
 
     Returns:
-        Its rows that are of this knowledge base, as they are committed, oldest first. To read
-        more than fits into memory, use `kant_sql.export.open_reader`.
+        Its committed rows of this knowledge base, oldest first. To read more than fits into memory,
+        use `kant_sql.export.open_reader`.
 
     Raises:
         InvalidArgumentError: there is no such view.
-        ExtraMissingError: pyarrow is not installed; the extra `data` has it.
-        ReadOnlyError: this is a view of the past, as these views have all of the history; or
-            the task or thread has a transaction open.
+        ExtraMissingError: pyarrow is not installed; it comes with the extra `data`.
+        ReadOnlyError: this is a view of the past, but these views have the whole history; or the
+            task or thread has a transaction open.
 
     Examples:
         >>> facts = kb.store.to_arrow("fact")

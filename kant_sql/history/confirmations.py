@@ -1,4 +1,4 @@
-"""What acts asserted and nobody has seen, or somebody retracted, and what was last seen when."""
+"""Expected facts that nobody confirmed or somebody retracted, and facts not seen for a time."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ from .versions import actor_of, had_effect, last_confirmation, make_versions
 _FACT = VERSION_COLUMNS[PROPOSITION]
 _HELD = _FACT.version
 _OUTCOME, _LINK = table_of(t.ExecutionVersionRow).c, table_of(t.RevisionExecutionRow).c
-# With more acts, what holds is compared with them, and else they with what holds.
+# With more acts, go from the live facts to the acts; otherwise from the acts to the facts.
 FEW = 10_000
 
 
 def _acts() -> tuple[Select[Any], Select[Any]]:
-    """Select revisions that record an act with effects, and those that name an execution."""
+    """Select revisions that record an act with effects, or that name an execution."""
     began = select(_OUTCOME.since).where(_OUTCOME.kb_id == KB, had_effect())
     return began, select(_LINK.number).where(_LINK.kb_id == KB)
 
@@ -66,9 +66,9 @@ def _query(which: str, is_past: bool, by_acts: bool = False) -> Query:
     else:
         where.append(held_by(PROPOSITION, _HELD, THEN if is_past else None))
         if not by_acts and which != "stale":
-            # By the index of what holds: it is little beside all that ever held.
+            # By the index of live facts: they are few among all that ever held.
             where.append(ANY_PREDICATE)
-        # An expression has no index: that of `since` would read all of the history.
+        # An expression uses no index: that of `since` would read the whole history.
         since = _HELD.since + constant(0)
         where.append(since <= integer("upto"))
         order = since, _HELD.proposition_id
@@ -86,9 +86,9 @@ def _query(which: str, is_past: bool, by_acts: bool = False) -> Query:
 
 
 def _of_acts(rows: Select[Any], where: Iterable[ColumnElement[bool]]) -> Select[Any]:
-    """Look up what acts asserted, act by act."""
-    # SQLite takes a knowledge base for ten rows, and so would begin with all versions. It keeps the
-    # order of an outer join, unless a condition shows that there is a row on the right.
+    """Look up the assertions of acts, act by act."""
+    # SQLite assumes ten rows for a knowledge base, and so would begin with all versions. It keeps
+    # the order of an outer join, unless a condition implies a row on the right.
     acts, zero = union(*_acts()).subquery("act"), literal_column("0", BigInteger)
     versions = table_of(t.PropositionVersionRow)
     found = acts.outerjoin(versions, and_(_HELD.since == acts.c.since, *where))
@@ -98,14 +98,14 @@ def _of_acts(rows: Select[Any], where: Iterable[ColumnElement[bool]]) -> Select[
 def unconfirmed(
     state: State, *, older_than: float | None = None, limit: int | None = None
 ) -> list[Version]:
-    """Find expected facts: acts asserted them, and no other actor has confirmed them.
+    """Find expected facts: acts asserted them, and no other actor confirmed them.
 
     Args:
-        older_than: only facts that were asserted at least this many seconds ago.
+        older_than: only facts asserted at least this many seconds ago.
         limit: the maximum number of facts; None for all.
 
     Returns:
-        The facts that hold, the oldest first, with the acts that asserted them.
+        The facts that hold, oldest first, with the acts that asserted them.
 
     Raises:
         InvalidArgumentError: `older_than` is not a number of seconds, from 0.
@@ -124,14 +124,14 @@ def contradicted(
     until: When | None = None,
     limit: int | None = None,
 ) -> list[Version]:
-    """Find expected facts that another actor retracted, before anyone had confirmed them.
+    """Find expected facts that another actor retracted before anyone confirmed them.
 
-    A fact that another act deleted is not contradicted: the condition of that act held. What ended
-    before an archive is in that archive.
+    A fact that another act deleted is not contradicted: the condition of that act held. Facts that
+    ended before an archive are in that archive.
 
     Args:
-        since: only facts that were retracted from this revision or time on.
-        until: only facts that were retracted up to this revision or time.
+        since: only facts retracted from this revision or time on.
+        until: only facts retracted up to this revision or time.
         limit: the maximum number of facts; None for all.
 
     Returns:
@@ -149,7 +149,7 @@ def contradicted(
 
 
 def stale_facts(state: State, ids: Collection[int], than: float) -> list[Version]:
-    """Find which of some facts were neither asserted nor confirmed in the last seconds."""
+    """Find the given facts that nobody has asserted or confirmed for some seconds."""
     return _find(state, "stale", than, None, ids=ids)
 
 

@@ -1,4 +1,4 @@
-"""What was later said differently of a time: what was believed of it, and what was true."""
+"""Corrections: sayings that differ from the earlier belief about the same time."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ from .revisions import LARGEST, LAST_MOMENT, Revision, at_most, read_numbered
 
 SAYING, VERSION = "saying", "version"
 HELD, NOT_HELD, NO_VALUE, ARCHIVED = "held", "not held", "no value", "archived"
-# So many sayings are compared at once with what was believed before.
+# Sayings per batch that are compared with earlier beliefs.
 BATCH = 200
-# A page goes through so many batches at most.
+# Batches per page at most.
 MOST_BATCHES = 5
 
 
 @dataclass(frozen=True)
 class Belief:
-    """What was believed of an element, and who said so.
+    """A belief about an element, and who reported it.
 
     Attributes:
-        content: `held` or `not held` of a fact; of a fluent its value, or `no value`. `archived`:
-            an archive has what was believed, if anything.
-        revision: the revision that said so, with its actor and reason; None: nobody had, or an
-            archive has it.
+        content: `held` or `not held` for a fact; for a fluent its value, or `no value`; `archived`
+            if an archive has the belief, if any.
+        revision: the revision that recorded it, with its actor and reason; None if there is none,
+            or if it is in an archive.
     """
 
     content: str
@@ -59,8 +59,8 @@ class Correction:
     Attributes:
         kind: `fact` or `value`.
         text: the fact, or the fluent.
-        valid_from: where the period begins, in UTC.
-        valid_until: where it is over.
+        valid_from: the beginning of the period, in UTC.
+        valid_until: its end.
         believed: the belief until then.
         said: the saying.
     """
@@ -87,7 +87,7 @@ class Correction:
 
 
 class _Layer(NamedTuple):
-    """What a revision said of a period: a saying, or what it asserted or retracted from then on."""
+    """A statement about a period: a saying, or an assertion or retraction from a commit on."""
 
     since: int
     begin: datetime
@@ -101,7 +101,7 @@ _OBJECT = t.TABLES["object"].c
 
 
 def _content(row: Any) -> Any:
-    """Select the value of a row; nothing of one without."""
+    """Select the value of a row, or an empty text."""
     name = looked_up(_OBJECT.name, _OBJECT.id, row.object_id)
     return func.coalesce(row.value, name, constant(NO_VALUE))
 
@@ -127,7 +127,7 @@ def _sayings() -> Any:
 
 @cache
 def _newest() -> Query:
-    """Select the newest sayings of a range of revisions, behind a place.
+    """Select the newest sayings of a range of revisions, after a position.
 
     Each comes with its element's text, and the last revisions up to the ends of its period.
     """
@@ -144,7 +144,7 @@ def _newest() -> Query:
 
 
 def _earlier(loops: NestedLoops, source: LaneSource) -> str:
-    """Select what was said before some sayings of their periods, by sayings and by versions.
+    """Select earlier sayings and versions about the periods of some sayings.
 
     A saying is given by its element, the revisions of its period, and its own revision.
     """
@@ -174,7 +174,7 @@ def _earlier(loops: NestedLoops, source: LaneSource) -> str:
 
 @cache
 def _before(dialect: str) -> Query:
-    # No id is that of a fact and of a value.
+    # No id belongs to both a fact and a value.
     parts = (_earlier(NESTED_LOOPS[dialect], LANE_SOURCES[kind]) for kind in (FACT, VALUE))
     return Query(text(" UNION ALL ".join(parts)))
 
@@ -186,7 +186,7 @@ def corrections(
     until: When | None = None,
     limit: int | None = None,
 ) -> list[Correction]:
-    """List the sayings that differ from what was believed of their time.
+    """List the sayings that differ from the earlier belief about their time.
 
     Args:
         since: only sayings from this revision or time on.
@@ -208,7 +208,7 @@ def corrections(
 
 
 class CorrectionsPage(NamedTuple):
-    """A page of corrections, what was said last first, and the place of the next one."""
+    """A page of corrections, the latest saying first, and the position of the next page."""
 
     corrections: list[Correction]
     next: str | None
@@ -222,8 +222,8 @@ def read_corrections_page(
     limit: int,
     most: int = MOST_BATCHES,
 ) -> CorrectionsPage:
-    """Read a page: up to `limit` corrections among so many batches of sayings, perhaps none."""
-    # A place is where a batch begins, and how many corrections of it come before.
+    """Read a page: up to `limit` corrections from a few batches of sayings, perhaps none."""
+    # A position is the beginning of a batch, and how many of its corrections to skip.
     low, high, *_ = find_bounds(state, since, until)
     begin = read_place(after, (int, int), ())
 
@@ -247,7 +247,7 @@ def read_corrections_page(
 
 
 def _archived_layers(session: Session, kb_id: int) -> list[_Layer]:
-    """Return what counts least of the time of revisions whose versions are in an archive."""
+    """Return the weakest layers: the time of revisions whose versions are in an archive."""
     upto = read_position(session, kb_id).archived
     of = read_numbered(session, kb_id, {1, upto} if upto else ())
     times = sorted(each.committed_at for each in of.values())
@@ -257,7 +257,7 @@ def _archived_layers(session: Session, kb_id: int) -> list[_Layer]:
 def _batch(
     session: Session, kb_id: int, archived: Sequence[_Layer], low: int, high: int, behind: int
 ) -> tuple[list[Correction], tuple[int, int] | None]:
-    """Compare some sayings with what was believed; return where the next ones begin."""
+    """Compare some sayings with earlier beliefs; return the position of the next batch."""
     rows = session.rows(_newest(), kb=kb_id, low=low, high=high, behind=behind, size=BATCH)
     if not rows:
         return [], None
@@ -287,7 +287,7 @@ def _batch(
 def _read_layers(
     session: Session, kb_id: int, spans: Sequence[tuple[int, int, int, int]]
 ) -> list[list[_Layer]]:
-    """Read what was said before each of some sayings; what counts more comes later."""
+    """Read the earlier layers under each of some sayings; later ones override."""
     found: list[list[tuple[tuple[bool, int, bool], _Layer]]] = [[] for _ in spans]
     query = _before(session.backend.dialect.name)
     for place, kind, *said, until in session.rows(query, kb=kb_id, said=json.dumps(spans)):
@@ -295,7 +295,7 @@ def _read_layers(
         if until is not None:
             retracted = _Layer(until, layer.end, LAST_MOMENT, "")
             found[place].append(((False, until, False), retracted))
-        # A saying overrides what is said from a commit on, whichever came first.
+        # A saying overrides a plain write, whichever came first.
         found[place].append(((is_saying, layer.since, True), layer))
     return [[layer for _, layer in sorted(each, key=itemgetter(0))] for each in found]
 
@@ -308,7 +308,7 @@ def _layer(session: Session, since: int, begin: Any, end: Any, content: Any) -> 
 def _differing(
     kind: str, said: _Layer, layers: Iterable[_Layer]
 ) -> Iterator[tuple[datetime, datetime, str, int | None]]:
-    """Give the parts of a saying's period of which something else was believed before."""
+    """Yield the parts of a saying's period for which the earlier belief differs."""
     nothing = NO_VALUE if kind == VALUE else NOT_HELD
     parts: list[tuple[datetime, str, int | None]] = []
     for begin, last in last_said(said.begin, said.end, layers):

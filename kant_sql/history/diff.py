@@ -1,4 +1,4 @@
-"""The difference of two states: all of it, and a page at a time."""
+"""The difference of two states: complete, and by pages."""
 
 from __future__ import annotations
 
@@ -59,16 +59,16 @@ from .moments import (
 from .revisions import LARGEST
 
 _WORD = re.compile(r"[^\s()]+")
-# States so many revisions apart are compared by what began and ended between them.
+# Up to this many revisions apart, states are compared by versions that began or ended between them.
 NARROW = 20_000
-# Differences of a kind that pages have; the rest is left out.
+# Differences of a kind that pages show; they omit the rest.
 COMPARED = 20_000
 
 _BEFORE, _AFTER = integer("before"), integer("after")
 
 
 def _text_then(name: str, owner: Any, at: ColumnElement[int]) -> ColumnElement[Any]:
-    """Return what an element says in a state, nothing of a fact; NULL if it does not hold there."""
+    """Return the content of an element in a state, empty for a fact; NULL if it does not hold."""
     source = VERSION_COLUMNS[name]
     other = source.version.kb_id.table.alias("other")
     holds = or_(other.c.until.is_(None), other.c.until > at)
@@ -80,9 +80,8 @@ def _text_then(name: str, owner: Any, at: ColumnElement[int]) -> ColumnElement[A
 
 
 def _differs(name: str, end: ChangeEnd, is_narrow: bool) -> ColumnElement[bool]:
-    """Return whether a version that begins or ends between two states holds in one alone."""
-    # Where there are many revisions between, it is found among what held; an expression has no
-    # index.
+    """Return whether a version that begins or ends between two states holds in only one."""
+    # With many revisions between, it is found among the live versions; an expression uses no index.
     version, number = end.source.version, end.revision
     at, other = (_BEFORE, _AFTER) if end.retracted else (_AFTER, _BEFORE)
     if not is_narrow:
@@ -103,7 +102,7 @@ def _whole(names: Iterable[str]) -> Query:
     return Query(union_all(archived, *(end.line(_differs(name, end, True)) for name, end in ends)))
 
 
-# By whether definitions may differ, too.
+# Keyed by whether definitions may also differ.
 _DIFFERENCES = {
     True: _whole(VERSION_COLUMNS),
     False: _whole(name for name in VERSION_COLUMNS if name not in KIND_TABLES),
@@ -117,7 +116,7 @@ _ATOMS = {PROPOSITION: FACT, VALUE: VALUE}
 
 @cache
 def _plain() -> Query:
-    """Select what versions of facts and values say in one of two states, up to so many of each."""
+    """Select the contents of facts and values in one of two states, up to a limit."""
     ends = [(name, end) for name in _ATOMS for end in ends_of(VERSION_COLUMNS[name])]
     lines = (first_rows(end.line(_differs(name, end, True)), integer("most")) for name, end in ends)
     return Query(union_all(*(select(line.subquery()) for line in lines)))
@@ -125,7 +124,7 @@ def _plain() -> Query:
 
 @cache
 def _plain_of_ids() -> Query:
-    """Select what versions say of facts and values in the later of two states, and the earlier."""
+    """Select the contents of facts and values in the later of two states, and in the earlier."""
     parts = []
     for name, kind in _ATOMS.items():
         own: Any = VERSION_COLUMNS[name].identity
@@ -138,7 +137,7 @@ def _plain_of_ids() -> Query:
 
 @cache
 def _page(is_narrow: bool, side: int, key: tuple[type, ...]) -> Query:
-    """Select what only the later of two states has, or, for the side 1, only the earlier."""
+    """Select elements that only the later of two states has, or, for side 1, only the earlier."""
     parts = []
     for name, source in VERSION_COLUMNS.items():
         end = ends_of(source)[side]
@@ -148,7 +147,7 @@ def _page(is_narrow: bool, side: int, key: tuple[type, ...]) -> Query:
 
 
 def _state(at: ColumnElement[int] | None) -> Query:
-    """Select kind and text of all that holds."""
+    """Select kind and text of all elements of a state."""
     parts = []
     for name, source in VERSION_COLUMNS.items():
         columns: tuple[Any, ...] = source.kind, source.text
@@ -157,12 +156,12 @@ def _state(at: ColumnElement[int] | None) -> Query:
     return Query(union_all(*parts))
 
 
-# By whether it is about the past.
+# Keyed by whether it is about the past.
 _STATES = {True: _state(THEN), False: _state(None)}
 
 
 def state_lines(state: State) -> list[tuple[str, str]]:
-    """Read kind and text of all that belongs to a state, in one statement."""
+    """Read kind and text of all elements of a state, in one statement."""
 
     def work(view: View) -> list[tuple[str, str]]:
         return [(kind, text) for kind, text in view.rows(_STATES)]
@@ -171,7 +170,7 @@ def state_lines(state: State) -> list[tuple[str, str]]:
 
 
 def diff_lines(here: list[tuple[str, str]], there: list[tuple[str, str]]) -> list[Change]:
-    """Return the changes from one state to another, of their lines."""
+    """Return the changes from one state to another, from their lines."""
     own, others = set(here), set(there)
     changes = [Change(ASSERTED, *line) for line in others - own]
     changes += [Change(RETRACTED, *line) for line in own - others]
@@ -182,7 +181,7 @@ def diff_lines(here: list[tuple[str, str]], there: list[tuple[str, str]]) -> lis
 
 
 def diff(state: State, a: When, b: When) -> list[Change]:
-    """Compare two revisions, as `KnowledgeBase.diff`."""
+    """Compare two revisions, like `KnowledgeBase.diff`."""
     states, stand = states_at(state, (a, b))
     before, after = sorted(states)
     signs = (ASSERTED, RETRACTED) if before == states[0] else (RETRACTED, ASSERTED)
@@ -203,7 +202,7 @@ def diff(state: State, a: When, b: When) -> list[Change]:
 
 
 def valid_diff(state: State, a: When, b: When) -> list[Change]:
-    """Compare what was true at two times, as it is known, as `KnowledgeBase.diff`."""
+    """Compare the states that were true at two times, like `KnowledgeBase.diff`."""
     changes, _ = _valid_differences(state, a, b, LARGEST)
     return html.Listing(changes, "change")
 
@@ -211,10 +210,10 @@ def valid_diff(state: State, a: When, b: When) -> list[Change]:
 def _valid_differences(
     state: State, a: When, b: When, most: int
 ) -> tuple[list[Change], tuple[ValidRange, bool]]:
-    """Read the changes from one time to another; the flag says whether there are more."""
+    """Read the changes from one time to another, and whether there are more."""
     times = valid_times(state, (a, b))
     begin, end = sorted(map(clamped, times))
-    # What changes at the earlier time is true then.
+    # A change at the earlier time is already true then.
     after = begin if begin == end else begin + MICROSECOND
     span = find_valid_range(state, after, end)
     if begin == end:
@@ -242,13 +241,13 @@ def _valid_differences(
 def _valid_lines(
     session: Session, kb_id: int, views: list[ValidTime], most: int
 ) -> tuple[set[_Line], bool]:
-    """Read what facts and values are at the later of two times only (0), or at the earlier (1)."""
+    """Read facts and values that hold only at the later of two times (0), or the earlier (1)."""
     after, before = (view.state for view in views)
     bounds = {"kb": kb_id, "before": before, "after": after}
     rows = session.rows(_plain(), **bounds, most=most)
     lines = {(side, kind, text) for _, side, kind, text in rows if kind != GOAL}
     is_cut = most <= max(Counter(line[:2] for line in lines).values(), default=0)
-    # Where something was said of one of the times, that takes the place of the versions.
+    # Sayings about one of the times override the versions.
     said = [read_said(session, kb_id, view) for view in views]
     ids = session.list_value(sorted({id_ for of_time in said for _, id_ in of_time}))
     for kind, id_, *plain in session.rows(_plain_of_ids(), **bounds, ids=ids):
@@ -260,7 +259,7 @@ def _valid_lines(
 
 
 def _fits(definitions: Definitions, kind: str, text: str) -> bool:
-    """Return whether a fact or a value is one by the definition of its predicate or function."""
+    """Return whether a fact or a value fits the definition of its predicate or function."""
     name, *words = _WORD.findall(text.removeprefix("(= "))
     ids = [one.id for one in map(definitions.objects.named, words) if one is not None]
     owners: Any = definitions.predicates if kind == FACT else definitions.functions
@@ -276,18 +275,18 @@ class ChangesOfKind(NamedTuple):
 
 
 class Difference(NamedTuple):
-    """A page of what holds in only one of two states.
+    """A page of elements that hold in only one of two states.
 
     Attributes:
-        a: the revision of the one.
-        b: the revision of the other.
+        a: the revision of the first state.
+        b: the revision of the second state.
         head: the last revision.
-        changes: the same as `kant-sql diff` shows: `+` for what only `b` has.
-        only_a: what only the one has, by kind.
-        only_b: what only the other has, by kind.
-        offset: how many come before the page, on each side.
+        changes: as `kant-sql diff` shows them: `+` for elements that only `b` has.
+        only_a: elements that only `a` has, by kind.
+        only_b: elements that only `b` has, by kind.
+        offset: the number of elements before the page, on each side.
         next: the value of `after` for the next page; None after the last.
-        is_cut: whether more elements differ than all pages have.
+        is_cut: whether more elements differ than the pages show.
     """
 
     a: int
@@ -309,7 +308,7 @@ def read_difference(
     limit: int = 200,
     clock: str = COMMITTED,
 ) -> Difference:
-    """Read a page of the difference of two states, or of what was true at two times."""
+    """Read a page of the difference of two states, known or true."""
     if is_valid_clock(clock):
         return _valid_page(state, a, b, after, limit)
     (one, other), stand = states_at(state, (a, b))

@@ -1,8 +1,8 @@
 """The drawing of a timeline: one SVG of rectangles and text, for pages, reports, notebooks, paper.
 
-Places across are shares of the width, so that one drawing fits a telephone and a wall. Text has the
-colour of the text around it, so that it is read in light and dark and on paper; the colours of bars
-have a contrast of 4.5:1 with the white text in them, and of 3:1 with both pages.
+Horizontal positions are shares of the width, so that one drawing fits a telephone and a wall. Text
+has the colour of the surrounding text, so that it is legible in light, dark and print; the colours
+of bars have a contrast of 4.5:1 with the white text in them, and of 3:1 with both backgrounds.
 """
 
 from __future__ import annotations
@@ -24,15 +24,16 @@ from .window import Bar, Density, Lane, PlanBar, StepBar
 
 # Heights in pixels: of a lane's text, its bar, a numeric fluent, a line of text, and the axis.
 LABEL, BAR, PLOT, LINE, AXIS = 15, 16, 36, 18, 40
-# How long a text is, a bar that has all of its title, and how many actors the legend names.
+# The longest text, the most items in a bar's title, and the actors in the legend.
 LENGTH, TITLED, NAMED, VALUES = 120, 600, 8, 6
-# Bars that are thinner than this, in percent, are drawn as one where they are side by side.
+# Neighbouring bars thinner than this, in percent, are drawn as one.
 THIN = 0.35
-# Facts of a predicate that begin and end so near to each other, in percent, share a lane: so many.
+# Facts of a predicate whose ends differ by less than this, in percent, share a lane, from this
+# number on.
 ALIKE, MANY = 2.0, 4
 _COLOURS = ("#0072b2", "#b84f00", "#007f5f", "#7a5fd0", "#b5447f", "#86690f")
 _NOBODY, _INK = "#68717a", "currentColor"
-# By the status of a step: its name, a sign and a colour.
+# The name, sign and colour of each status of a step.
 _OUTCOMES = {
     "succeeded": ("succeeded", "✓", "#007f5f"),
     "failed": ("failed", "✗", "#b84f00"),
@@ -51,7 +52,7 @@ _STEPS = (
     *(n * _DAY for n in (1, 2, 4, 7, *(7 << power for power in range(1, 18)))),
 )
 _MOST_TICKS = 5
-# What no document of XML may have.
+# Characters that XML forbids.
 _NO_XML = re.compile("[\ufffe\uffff]")
 _STYLE = (
     "<style>svg{color:#1b2126;background:#fff}@media(prefers-color-scheme:dark)"
@@ -62,30 +63,30 @@ Link = Callable[..., str]
 
 
 def no_link(path: str, /, **query: object) -> str:
-    """Return no address: for a drawing without pages around it."""
+    """Return no address, for a drawing outside of the pages."""
     return ""
 
 
 @dataclass(frozen=True, slots=True)
 class Timeline:
-    """What happened in a window of time; a notebook shows it as a drawing.
+    """Facts, goals, values and plans in a window of time; a notebook shows it as a drawing.
 
     Attributes:
         knowledge_base: the name of the knowledge base.
         since: the beginning of the window, in UTC.
         until: its end.
-        first: the revision whose state it begins with; 0 before the first.
+        first: the revision of the initial state; 0 before the first.
         last: its last revision.
         slices: the number of slices of equal length for densities.
         lanes: the lanes, in a fixed order: facts, goals and values, by predicate or function.
         next: the value of `after` for the following lanes; None after the last.
-        plans: the recorded plans that were made or executed in it, oldest first.
+        plans: the recorded plans that were made or executed in the window, oldest first.
         has_more_plans: whether earlier plans or steps are omitted.
         archived_until: versions that ended up to this time are in an archive, and missing here;
-            None if this does not concern the window.
-        folded: the number of unchanged lanes that are omitted, counted with the first lanes only;
-            None with `unchanged`.
-        has_more_folded: whether there are more of these, which were not counted.
+            None if the window begins later.
+        folded: the number of omitted unchanged lanes, counted with the first lanes only; None with
+            `unchanged`.
+        has_more_folded: whether there are more of these, beyond the count.
     """
 
     knowledge_base: str
@@ -103,11 +104,11 @@ class Timeline:
     has_more_folded: bool = False
 
     def svg(self) -> str:
-        """Draw it: a document of SVG, for a file or a browser.
+        """Draw it as SVG, for a file or a browser.
 
-        Facts of the same predicate and the same arguments but the last share a lane that has the
-        last ones as its values, if no two of them are seen to hold at once. Facts of a predicate
-        that come and go together share a lane, too, unless unchanged lanes are asked for.
+        Facts that differ only in the last argument share a lane with this argument as its value, if
+        no two of them visibly hold at once. Facts of a predicate that come and go together also
+        share a lane, except with `unchanged`.
 
         Examples:
             >>> kb.timeline(object="rb1").svg().startswith("<svg")
@@ -125,14 +126,14 @@ class Timeline:
 
 
 class Drawing(NamedTuple):
-    """A drawing in two parts: a page keeps the first one in view."""
+    """A drawing in two parts: a page keeps the first part in view."""
 
     axis: str  # the element of the axis
-    body: str  # the element of all below it
-    height: int  # of the body, in pixels
+    body: str  # the element of everything below the axis
+    height: int  # the height of the body, in pixels
 
     def together(self, attributes: str, style: str = "") -> str:
-        """Write both in one element."""
+        """Write both parts in one element."""
         body = self.body.replace("<svg ", f'<svg y="{AXIS}" ', 1)
         return (
             f'<svg {attributes} height="{AXIS + self.height}" font-family="system-ui, sans-serif"'
@@ -141,7 +142,7 @@ class Drawing(NamedTuple):
 
 
 class _Span(NamedTuple):
-    """A bar of a row: from where to where in percent, of what, and the text in it."""
+    """A bar of a row: its ends in percent, its versions, and the text in it."""
 
     begin: float
     end: float
@@ -151,7 +152,7 @@ class _Span(NamedTuple):
 
 
 class _Row(NamedTuple):
-    """A row of bars: its text, the address behind it, and of how many lanes it is."""
+    """A row of bars: its text, its link, and the number of its lanes."""
 
     text: str
     address: str
@@ -162,17 +163,17 @@ class _Row(NamedTuple):
 
 def draw(shown: Timeline, link: Link = no_link) -> Drawing:
     """Draw a timeline."""
-    # `link` makes the address of a page of its path and its parameters; none if it is empty.
+    # `link` makes the address of a page from its path and parameters; an empty one is no link.
     return _Pen(shown, link).draw()
 
 
 class _Pen:
-    """Draws one timeline, from above."""
+    """Draws one timeline, from top to bottom."""
 
     def __init__(self, shown: Timeline, link: Link) -> None:
         self._shown = shown
         self._link = link
-        # What holds goes on to the edge, a little behind the end.
+        # Bars without an end extend to the edge, a little beyond the end.
         self._length = max(shown.until - shown.since, timedelta(milliseconds=1)) * 1.02
         self._marks = _marks(shown.lanes)
         self._parts: list[str] = []
@@ -212,7 +213,7 @@ class _Pen:
 
     def _window(self) -> str:
         since, until = _time(self._shown.since), _time(self._shown.until)
-        # On the same day, the end is its time alone.
+        # On the same day, the end shows only the time.
         return f"{since} to {until.removeprefix(since[:11])} UTC"
 
     def _axis(self, ticks: Sequence[tuple[datetime, str]]) -> str:
@@ -227,7 +228,7 @@ class _Pen:
         return _svg(AXIS, "".join(parts), 'role="group" aria-label="Time"')
 
     def _part(self, begin: datetime, end: datetime, label: str) -> str:
-        """Write a part of the axis, which leads to the timeline of it."""
+        """Write a part of the axis, which links to its own timeline."""
         address = self._link("/timeline", since=begin, until=end)
         x, name = self._x(begin), f"Zoom to {_time(begin)} until {_time(end)}"
         return _a(
@@ -258,7 +259,7 @@ class _Pen:
         self._say(title, weight="700", room=26)
 
     def _left(self) -> None:
-        """Say what is not drawn."""
+        """Write what the drawing omits."""
         shown = self._shown
         if shown.next is not None:
             self._say("More lanes follow.", room=24)
@@ -270,7 +271,7 @@ class _Pen:
             self._say("Nothing of this held in this time.", room=24)
 
     def _legend(self) -> None:
-        """Name who asserted and retracted, and how often."""
+        """Write the actors, and how often each asserted and retracted."""
         bars = [bar for lane in self._shown.lanes for bar in lane.bars]
         asserted = Counter(bar.actor for bar in bars)
         retracted = Counter(bar.ended_by for bar in bars if bar.until is not None)
@@ -295,7 +296,7 @@ class _Pen:
     # Facts, goals and values.
 
     def _rows(self, lanes: Sequence[Lane]) -> Iterator[_Row]:
-        """Yield the rows of the lanes of a kind: those that exclude each other share one."""
+        """Yield the rows of the lanes of a kind: exclusive facts share one."""
         groups: defaultdict[tuple[str, ...], list[Lane]] = defaultdict(list)
         for lane in lanes:
             groups[lane_key(lane)].append(lane)
@@ -324,12 +325,12 @@ class _Pen:
         return _Row(text, address, spans, densities, len(lanes))
 
     def _alike(self, rows: Iterable[_Row]) -> Iterator[_Row]:
-        """Yield rows; those of a predicate that come and go together as one."""
+        """Yield rows; merge rows of a predicate that come and go together."""
         if self._shown.folded is None:
             yield from rows
             return
         clusters: list[list[_Row]] = []
-        # Those that a row may be like, each with the edges of its first row.
+        # The groups that a row may join, each with the edges of its first row.
         near: defaultdict[tuple[object, ...], list[tuple[list[float], list[_Row]]]]
         near = defaultdict(list)
         for row in rows:
@@ -375,7 +376,7 @@ class _Pen:
         self._y += BAR + 5
 
     def _crowd(self, run: Sequence[_Span]) -> None:
-        """Draw bars that are too thin as one."""
+        """Draw thin bars as one."""
         actors = {self._marks[span.bar.actor] for span in run}
         colour = actors.pop() if len(actors) == 1 else _NOBODY
         times = f"from {_time(run[0].bar.since_at)} to {_time(run[-1].bar.until_at)}"
@@ -396,7 +397,7 @@ class _Pen:
             self._ends.append(f"<rect {place} {self._fill(bar.ended_by)}/>")
 
     def _title(self, text: str) -> str:
-        """Return the title of a bar; of many bars, the first ones have one."""
+        """Return the title of a bar; with many bars, only the first ones get one."""
         self._titled += 1
         return f"<title>{text}</title>" if self._titled <= TITLED else ""
 
@@ -408,7 +409,7 @@ class _Pen:
         )
 
     def _numbers(self, row: _Row) -> None:
-        """Draw numbers as steps, over a line of those who set them."""
+        """Draw numbers as steps, above a line that shows who set them."""
         scale = _Scale.of(row)
         self._say(f"{_said(row.text)} = {scale}", row.address, room=LABEL + 2)
         path, before = [], -1.0
@@ -433,7 +434,7 @@ class _Pen:
         self._y += PLOT + 5
 
     def _base(self, begin: float, end: float, colour: str, about: str) -> None:
-        """Write who set a number below it; the title covers both."""
+        """Draw below a number who set it; the title covers both."""
         place, title = f'x="{begin:.2f}%" width="{end - begin:.2f}%"', self._title(about)
         self._parts.append(
             f'<rect {place} y="{self._y + PLOT - 4}" height="4" fill="{colour}"/>'
@@ -444,7 +445,7 @@ class _Pen:
     # Plans.
 
     def _plan(self, plan: PlanBar) -> None:
-        """Draw the steps of a plan that were carried out; those that overlap are in other rows."""
+        """Draw the executed steps of a plan; overlapping ones get another row."""
         done = sorted((one for one in plan.steps if one.status is not None), key=_order_of)
         left = len(plan.steps) - len(done)
         planner = "" if plan.planner is None else f" by {_said(plan.planner)}"
@@ -483,7 +484,7 @@ class _Pen:
 
 
 class _Box(NamedTuple):
-    """A bar: from where to where in percent, how far from above, and its colour."""
+    """A bar: its ends in percent, its distance from the top, and its colour."""
 
     begin: float
     end: float
@@ -491,13 +492,13 @@ class _Box(NamedTuple):
     colour: str
 
     def write(self, text: str, at_end: str, title: str) -> str:
-        """Write it, with the texts that it has room for."""
+        """Write it, with the texts that fit."""
         width = max(self.end - self.begin, 0.0)
         first = _fitting(text, width)
         last = _fitting(at_end, width, len(first) + 3)
         place = f'x="{self.begin:.2f}%" y="{self.y}" width="{width:.2f}%" height="{BAR}"'
         if not first and not last:
-            # The outline keeps the shortest one visible.
+            # The outline keeps the shortest bar visible.
             return f'<rect {place} fill="{self.colour}" stroke="{self.colour}">{title}</rect>'
         texts = f'<text x="5" y="12" fill="#fff">{_said(first)}</text>' if first else ""
         if last:
@@ -522,7 +523,7 @@ def _a(address: str, content: str, attributes: str = "") -> str:
 
 
 class _Scale(NamedTuple):
-    """The numbers of a row, from the least to the largest."""
+    """The range of the numbers in a row."""
 
     least: float
     largest: float
@@ -536,7 +537,7 @@ class _Scale(NamedTuple):
         return cls(min(numbers), max(numbers))
 
     def y(self, number: float) -> float:
-        """Return how far below the top of the plot a number is."""
+        """Return the distance of a number from the top of the plot."""
         room, length = PLOT - 8, self.largest - self.least
         return 2 + room * ((self.largest - number) / length if length else 0.5)
 
@@ -546,7 +547,7 @@ class _Scale(NamedTuple):
 
 
 def _runs(spans: Iterable[_Span]) -> Iterator[list[_Span]]:
-    """Yield bars; together those that are too thin, and beside each other."""
+    """Yield groups of bars: neighbouring thin ones together."""
     run: list[_Span] = []
     for span in spans:
         is_thin = span.bar.until_at is not None and span.end - span.begin < THIN
@@ -572,14 +573,14 @@ def _words(lane: Lane) -> list[str]:
 
 
 def lane_key(lane: Lane) -> tuple[str, ...]:
-    """Return what facts that may exclude each other have in common: all words but the last."""
+    """Return the key of facts that may exclude each other: all words but the last."""
     words = _words(lane)
     is_atom = lane.kind != "value" and len(words) > 2 and lane.text.count("(") == 1
     return (lane.kind, *words[:-1]) if is_atom else (lane.kind, lane.text)
 
 
 def _are_exclusive(lanes: Sequence[Lane]) -> bool:
-    """Return whether no two of these facts are seen to hold at once."""
+    """Return whether no two of these facts visibly hold at once."""
     bars = sorted((bar for lane in lanes for bar in lane.bars), key=lambda bar: bar.since)
     return sum(bool(lane.bars) for lane in lanes) > 1 and all(
         one.until is not None and one.until <= other.since for one, other in pairwise(bars)
@@ -587,19 +588,19 @@ def _are_exclusive(lanes: Sequence[Lane]) -> bool:
 
 
 def _look(row: _Row) -> tuple[object, ...]:
-    """Return what rows have in common that may come and go together: facts of one predicate."""
+    """Return the key of rows that may come and go together: facts of one predicate."""
     lane = row.spans[0].lane
     own = _words(lane)[0] if lane.kind == "fact" else (lane.kind, lane.text)
     return own, *(span.bar.until is None for span in row.spans)
 
 
 def _are_near(some: Sequence[float], others: Sequence[float]) -> bool:
-    """Return whether edges are at the same places, as far as one sees."""
+    """Return whether edges are visibly at the same positions."""
     return all(abs(a - b) <= ALIKE for a, b in zip(some, others, strict=True))
 
 
 def _natural(lane: Lane) -> tuple[tuple[str, int, str], ...]:
-    """Order lanes so that `wp2` comes before `wp10`."""
+    """Return the sort key of a lane, in which `wp2` comes before `wp10`."""
     names = [(word.rstrip("0123456789"), word) for word in _words(lane)]
     return tuple((name, len(word) - len(name), word) for name, word in names)
 
@@ -611,8 +612,8 @@ def _order_of(step: StepBar) -> tuple[datetime, int]:
 
 
 def _marks(lanes: Iterable[Lane]) -> dict[str | None, str]:
-    """Give each actor a colour, its own as long as there are any."""
-    # An actor has the same colour in the next window, unless another one there takes it first.
+    """Assign a colour to each actor, a unique one while there are any."""
+    # An actor keeps the colour in the next window, unless another one there takes it first.
     found: dict[str | None, str] = {None: _NOBODY}
     free = list(_COLOURS)
     actors = {who for lane in lanes for bar in lane.bars for who in (bar.actor, bar.ended_by)}
@@ -628,7 +629,7 @@ def _ticks(since: datetime, until: datetime) -> Iterator[tuple[datetime, str]]:
     step = next((one for one in _STEPS if (end - begin) / one <= _MOST_TICKS), _STEPS[-1])
     for n in range(begin // step + 1, end // step + 1):
         moment = _EPOCH + n * step * MICROSECOND
-        # At the edge there is no room for its text.
+        # The edge has no room for its text.
         if moment - since < (until - since) * 0.97:
             yield moment, _tick(moment, step)
 
@@ -647,13 +648,13 @@ def _tick(moment: datetime, step: int) -> str:
 
 
 def _said(text: str) -> str:
-    """Return a text as data: escaped, visible and bounded."""
+    """Return a text escaped, visible and bounded."""
     shown = html.visible(" ".join(text.split()))
     return escape(_NO_XML.sub("\ufffd", html.cut(shown, LENGTH)))
 
 
 def _fitting(text: str, width: float, taken: int = 0) -> str:
-    """Return a text if a bar has room for it, in a drawing of usual width; else nothing."""
+    """Return a text if it fits a bar, in a drawing of usual width; else nothing."""
     return text if text and (len(text) + taken) * 0.75 + 1 < width else ""
 
 
@@ -669,7 +670,7 @@ def _time(moment: datetime | None) -> str:
 
 
 def _who(actor: str | None, reason: str | None, source: object) -> str:
-    """Say who did something and why, and from what."""
+    """Return who did something, why, and from which source."""
     by = "" if actor is None else f" by {_said(actor)}"
     why = "" if reason is None else f": {_said(reason)}"
     given = "" if source is None else f" {_said(json.dumps(source, ensure_ascii=False))}"
@@ -677,7 +678,7 @@ def _who(actor: str | None, reason: str | None, source: object) -> str:
 
 
 def _about(span: _Span, row: _Row) -> str:
-    """Say what a bar is."""
+    """Return the description of a bar."""
     lane, bar = span.lane, span.bar
     is_merged = row.lanes > 1 and not span.text
     named = row.text if is_merged else lane.text
@@ -687,7 +688,7 @@ def _about(span: _Span, row: _Row) -> str:
 
 
 def _ends(one: Bar | StepBar) -> Iterator[str]:
-    """Say when something began and ended, and who said so."""
+    """Return the beginning and end, and who reported them."""
     if one.since_at is not None:
         by = _who(one.actor, one.reason, one.source)
         yield f"from {_time(one.since_at)} in revision {one.since}{by}"

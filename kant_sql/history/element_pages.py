@@ -1,4 +1,4 @@
-"""An element, or an object and all that involves it, by pages; and the search for one."""
+"""Pages of an element, or of an object and all that involves it; and the search."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ from .revisions import LARGEST, Revision, Version, read_numbered
 from .state_parts import HeldElement, StateFilter, read_state
 from .versions import make_versions, read_involvement, read_newest
 
-# How many elements that hold the page of an object has.
+# The number of present elements on the page of an object.
 HELD = 50
 
 
 class ElementPage(NamedTuple):
-    """A page of the versions of an element, and what is related to it.
+    """A page of the versions of an element, with related objects and steps.
 
     Attributes:
-        text: how it was asked for.
-        latest: the newest version of each kind, on the first page: without `until`, it holds now.
+        text: the given text.
+        latest: the newest version of each kind, on the first page; without `until`, it holds now.
         versions: the versions, the newest first.
-        before: the revision before which the next page goes on; None after the last.
-        head: the name of its predicate or function, if it applies to objects.
-        objects: the names of the objects that it applies to.
-        steps: the newest steps of plans that name all of its objects, or that are of this action.
+        before: the revision before which the next page continues; None after the last.
+        head: the name of its predicate or function, if it has one.
+        objects: the names of its objects.
+        steps: the newest steps of plans that name all of its objects, or this action.
         archived: versions that ended up to this revision are in an archive; 0 if there is none.
     """
 
@@ -59,7 +59,7 @@ def read_element_page(
     element: str,  # PDDL or a name, as for `history`; with `kind`, a name
     kind: str | None = None,
     before: int | None = None,
-    limit: int = 50,  # how many versions a page has, or a few more that began in one revision
+    limit: int = 50,  # the number of versions on a page, or a few more of the same revision
 ) -> ElementPage:
     """Read a page of the versions of an element."""
     wanted: list[Sought] = sought(element) if kind is None else [Named((kind,), fold(element))]
@@ -101,7 +101,7 @@ def read_element_page(
 
 
 def _cut(rows: list[Row], limit: int) -> tuple[list[Row], int | None]:
-    """Cut a page out of versions, with all that began in its last revision and one of each kind."""
+    """Cut a page out of versions, with all of its last revision and one of each kind."""
     rows.sort(key=lambda row: row[2], reverse=True)
     if len(rows) <= limit:
         return rows, None
@@ -113,7 +113,7 @@ def _cut(rows: list[Row], limit: int) -> tuple[list[Row], int | None]:
 
 @dataclass(frozen=True)
 class ObjectChange:
-    """A change of what names an object, and the revision that made it."""
+    """A change of an element that names an object, and its revision."""
 
     _json_ = "*change", "revision"
 
@@ -122,19 +122,19 @@ class ObjectChange:
 
 
 class ObjectPage(NamedTuple):
-    """An object: its definitions over time, what holds of it, and all that involved it.
+    """An object: its definitions over time, its present elements, and all changes that involved it.
 
     Attributes:
-        name: its name, as it was spelled first.
+        name: its name, in its first spelling.
         versions: the newest versions of its definition.
-        held: the first of the elements that name it now.
+        held: the first present elements that name it.
         is_cut: whether there are more of these.
-        changes: a page of the changes of what names it, the newest first.
+        changes: a page of the changes of elements that name it, the newest first.
         before: the revision before which the next page goes on; None after the last.
-        searched: the first revision that was searched, if it is not the first of all.
+        searched: the first searched revision, if it is not the first of all.
         steps: the newest steps of plans that name it.
         actions: the actions that name it as a constant.
-        archived: what ended up to this revision is in an archive; 0 if there is none.
+        archived: versions that ended up to this revision are in an archive; 0 without one.
     """
 
     name: str
@@ -164,7 +164,7 @@ _CONSTANTS = _constants()
 def read_object_page(
     state: State, name: str, before: int | None = None, limit: int = 100
 ) -> ObjectPage:
-    """Read what involves an object, now and in the past."""
+    """Read all that involves an object, now and in the past."""
     own = read_element_page(state, name, "object")
     held = read_state(state, None, StateFilter(object=name), limit=HELD).parts
     key = fold(name)
@@ -194,15 +194,15 @@ def read_object_page(
     return state.store.query_in_snapshot(work)
 
 
-# Names and facts that a search looks through, and revisions whose actors it does.
+# Names and facts that a search looks through, and revisions whose actors it looks through.
 SEARCHED_NAMES, SEARCHED_REVISIONS = 10_000, 100_000
-# Words of a text that are looked up as names.
+# Words of a text to look up as names.
 MOST_WORDS = 20
 DEFINED = ("action", "predicate", "function", "type")
 
 
 class SearchMatch(NamedTuple):
-    """Something whose name or text contains what is looked for.
+    """An element or actor whose name or text contains the search text.
 
     Attributes:
         kind: its kind, as in `Change`, or `actor`.
@@ -213,7 +213,7 @@ class SearchMatch(NamedTuple):
     text: str
 
 
-# What comes first: the very name, names that begin so, what names the object, what contains it.
+# The order: exact names, names that begin with the text, facts of the object, other matches.
 _EXACT, _PREFIX, _NAMING, _CONTAINING = range(4)
 _ONE_KIND = 50
 
@@ -227,12 +227,12 @@ def _found(kind: str, text: Any, rank: Any, rows: Select[Any]) -> Select[Any]:
 
 
 def _newest(rows: Select[Any], number: Any, bound: int) -> Any:
-    """Limit what is searched to the newest rows."""
+    """Limit the search to the newest rows."""
     return first_rows(rows.order_by(number.desc()), bound).subquery().c
 
 
 def _rank_of(text: Any) -> ColumnElement[int]:
-    """Rank a text that has no key: of a fact, without its parenthesis."""
+    """Rank a text without a key: a fact without its parenthesis."""
     bare = func.ltrim(text, constant("("))
     return case(
         (contains(bare, "whole"), constant(_EXACT)),
@@ -242,7 +242,7 @@ def _rank_of(text: Any) -> ColumnElement[int]:
 
 
 def _named_matches(kind: str) -> list[Select[Any]]:
-    """Select names by their keys, of all there are, and by a part of them, of the newest."""
+    """Select names by their beginning, among all, and by any part, among the newest."""
     identity = KIND_TABLES[kind].identity.c
     folded, beyond = bindparam("folded", type_=Text), bindparam("beyond", type_=Text)
     own = identity.kb_id == KB
@@ -258,7 +258,7 @@ def _named_matches(kind: str) -> list[Select[Any]]:
 
 
 def _atom_matches(kind: str, tables: AtomTables) -> list[Select[Any]]:
-    """Select facts or fluents: the very one, those of an object, and the newest with a text."""
+    """Select facts or fluents: the exact one, those of an object, and the newest with a text."""
     atom, argument = tables.identity.c, tables.arguments.c
     owner = argument[tables.owner]
     own, object_ = atom.kb_id == KB, KIND_TABLES["object"].identity.c
@@ -284,7 +284,7 @@ def _atom_matches(kind: str, tables: AtomTables) -> list[Select[Any]]:
 
 
 def _matches() -> Query:
-    """Select what a text may mean, the most probable first."""
+    """Select what a text may mean, the most likely first."""
     parts = [part for kind in ("object", *DEFINED) for part in _named_matches(kind)]
     parts += _atom_matches("fact", ATOM_TABLES[PROPOSITION])
     parts += _atom_matches("value", ATOM_TABLES[VALUE])
@@ -305,7 +305,7 @@ _MATCHES = _matches()
 
 
 def _spelled(session: Session, kb_id: int, words: list[str]) -> str:
-    """Return the text of a fact or a fluent, its names spelled as they were first."""
+    """Return the text of a fact or a fluent, with names in their first spelling."""
     keys = {fold(word) for word in words[:MOST_WORDS] if is_word(word)}
     spelled: dict[tuple[str, str], str] = {}
     for kind in ("predicate", "function", "object") if keys else ():
@@ -319,14 +319,14 @@ def _spelled(session: Session, kb_id: int, words: list[str]) -> str:
 
 
 def read_matches(reader: State, text: str, limit: int = 100) -> tuple[list[SearchMatch], bool]:
-    """Look for a text in names, facts, fluents and actors, in four statements at most.
+    """Search for a text in names, facts, fluents and actors, in four statements at most.
 
     Returns:
-        Some matches, and whether more than these may match.
+        Some matches, and whether there may be more.
     """
-    # First comes what has this name, then what begins so, then facts of the object of this name,
-    # then what contains the text. Names and the facts of an object are found among all, other texts
-    # among the newest.
+    # Exact names first, then names that begin with the text, then facts of the object of this name,
+    # then other matches. Names and facts of an object are searched among all, others among the
+    # newest.
     bare = text.strip("() ")
     asked = {"folded": fold(bare), "beyond": f"{fold(bare)}\U0010ffff"}
 

@@ -1,4 +1,4 @@
-"""Elements in a caller's words: a DTO, a formula or PDDL text, and the identities they name."""
+"""Elements as callers give them (DTO, formula or PDDL text), and the identities they name."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _CLASSES: dict[type[Dto], str] = {
     PddlActionDto: "action",
 }
 _DECIMAL = re.compile(r"-?\d+\.\d+")
-# The kinds of definitions whose text begins with a word before their name.
+# Kinds of definitions with a word before their name.
 _DEFINITIONS = {
     ":constants": "object",
     ":action": "action",
@@ -59,11 +59,11 @@ Element = Dto | Node | str
 
 
 class Named(NamedTuple):
-    """The definitions of a name, which is folded."""
+    """The definitions of a folded name."""
 
     kinds: tuple[str, ...]
     name: str
-    is_involved: bool = False  # of an object, what involves it is asked for, too
+    is_involved: bool = False  # whether to include all that involves an object of the name
 
 
 class Applied(NamedTuple):
@@ -91,7 +91,7 @@ def comparable(text: str) -> str:
 
 
 def sought(element: object) -> list[Sought]:
-    """Read which elements are asked for."""
+    """Read which elements a caller wants."""
     if isinstance(element, Dto):
         return [_of_dto(element)]
     if isinstance(element, Node):
@@ -102,7 +102,7 @@ def sought(element: object) -> list[Sought]:
 
 
 def refuse_unknown_element(store: Store, element: object) -> None:
-    """Refuse a text that names what never was; what a DTO describes may be saved later."""
+    """Refuse a text with a name that never existed; the element of a DTO may be saved later."""
     if not isinstance(element, str):
         return
     for each in sought(element):
@@ -200,7 +200,7 @@ def _of_formula(words: list[str]) -> Iterator[Sought]:
 
 
 def _end(words: list[str]) -> int:
-    """Return the position after the list that words begin with; 0 when it is not closed."""
+    """Return the position after the list that words begin with; 0 if it is not closed."""
     depth = 0
     for position, word in enumerate(words, start=1):
         depth += (word == "(") - (word == ")")
@@ -218,25 +218,25 @@ def _parts(words: list[str]) -> Iterator[str]:
 
 
 class Lookup(NamedTuple):
-    """How one part of a question finds an identity, or none."""
+    """How one part of a question finds an identity, if any."""
 
     source: str  # a key of `VERSION_COLUMNS`
     part: int  # the position of the part in the question, which its parameters have
-    arguments: int | None = None  # how many objects something is applied to; None for a name
+    arguments: int | None = None  # the number of objects; None for a name
     is_goal: bool = False  # of a proposition
-    is_involved: bool = False  # an object, of which all that involves it may be asked for
+    is_involved: bool = False  # an object, perhaps with all that involves it
 
 
 def look_up(
     session: Session, kb_id: int, wanted: Sequence[Sought]
 ) -> tuple[tuple[Lookup, ...], dict[str, Any]]:
-    """Find lookups of elements, and their parameters, in one statement if there are formulas."""
+    """Make the lookups of elements and their parameters; formulas take one statement."""
     found: list[Lookup] = []
     parameters: dict[str, Any] = {}
     for part, each in enumerate(wanted):
         if isinstance(each, Written):
             continue
-        # Its own name, and those of its objects.
+        # Its own name and those of its objects.
         names = each.name, *(each.arguments if isinstance(each, Applied) else ())
         if len(names) <= MAX_ARITY + 1 and all(map(is_word, names)):
             found += _lookups(part, each)
@@ -256,7 +256,7 @@ _FORMULAS = Query(select(_VERSION.formula_id, _VERSION.text).where(_VERSION.kb_i
 
 
 def take_objects(wanted: Sequence[Sought]) -> tuple[set[str], list[Sought]]:
-    """Split off the names of objects of which all that involves them is asked for."""
+    """Split off the names of objects whose involvement is wanted."""
     names, rest = set[str](), list[Sought]()
     for each in wanted:
         if not (isinstance(each, Named) and each.is_involved and "object" in each.kinds):
@@ -315,7 +315,7 @@ def _id_of(kind: str, parameter: str) -> ColumnElement[int]:
 
 
 def _interned(ids: Sequence[ColumnElement[str]]) -> ColumnElement[str]:
-    """Write the key that arguments are interned by; NULL when an object is unknown."""
+    """Write the key of interned arguments; NULL if an object is unknown."""
     if len(ids) < 2:
         return ids[0] if ids else constant("")
     # By halves: databases limit the depth of an expression.

@@ -1,4 +1,4 @@
-"""Change feed: pages that can be resumed, and waiting for new revisions."""
+"""The change feed: resumable pages, and waiting for new revisions."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .revisions import PAGE, LogEntry, at_most, feed, read_page, refuse_unknown
 
 
 def changes(state: State, after: When = 0, *, limit: int | None = None) -> Iterator[LogEntry]:
-    """Read revisions and their changes, oldest first: a feed that can be resumed.
+    """Read revisions and their changes, oldest first: a feed that you can resume.
 
     Revisions come in order and without gaps. A consumer that stores the number of the last
     revision it processed, and resumes from there, receives each revision at least once.
@@ -92,16 +92,16 @@ def _read_page(state: State, after: int, size: int) -> list[LogEntry]:
     return store.query_in_snapshot(page)
 
 
-# Seconds between polls: a writer killed right after its commit has notified nobody.
+# Seconds between polls: a writer killed right after its commit notifies nobody.
 LOOK_EVERY = 1.0
-# Seconds between looks whether the caller still waits, where it may stop to.
+# Seconds between checks whether to end the wait.
 SLICE = 0.5
 
 
 def watch(state: State, after: When | None = None, *, timeout: float | None = None) -> int | None:
     """Wait for a new revision.
 
-    Revisions of other processes count. The wait survives a restart of the server.
+    Revisions of other processes count, too. The wait survives a restart of the server.
 
     Args:
         after: the last revision that the caller knows, given as for `kb.at`; None for the present
@@ -133,7 +133,7 @@ def watch_until(
     timeout: float | None,
     is_ended: Callable[[], bool] | None = None,
 ) -> int | None:
-    """Wait as `watch` does, or until somebody ends the wait; this is seen after a while."""
+    """Wait as `watch` does, or until somebody ends the wait, which takes effect after a while."""
     refuse_unwatchable(state)
     begin = None if after is None else last_before(state, after)
     deadline = time.monotonic() + seconds(timeout)
@@ -142,7 +142,7 @@ def watch_until(
 
 
 def refuse_unwatchable(state: State) -> None:
-    """Refuse to wait for what cannot come."""
+    """Refuse to wait if no revision can come."""
     store, at = state
     if at is not None:
         raise ReadOnlyError(
@@ -212,7 +212,7 @@ class _Watch:
         """Retry for a while, as any other call does: the state is unknown."""
         since = self._unknown_since
         if since is not None and time.monotonic() - since > retry.RETRY_FOR:
-            # That was done already, or one attempt has waited as long for a connection.
+            # The time was used up before, or by one attempt that waited for a connection.
             raise error
         position = self._store.query_in_snapshot(read_position)
         return position.head if self._is_news(position) else None
@@ -227,12 +227,12 @@ class _Watch:
         return self._deadline - time.monotonic()
 
     def _distrust(self, error: Exception) -> None:
-        """Note what failed a read; a listener itself does so where many share it."""
+        """Note the failure of a read; a shared listener does so itself."""
         backend = self._store.backend
         if isinstance(error, StoreUnreachableError) and not backend.has_answered:
             raise error
         if isinstance(error, ConnectionLostError):
-            # The other connections of the pool are most likely lost, too.
+            # The other connections of the pool are probably lost, too.
             backend.renew()
 
     def _pause_after_failure(self) -> None:

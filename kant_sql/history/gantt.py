@@ -1,4 +1,4 @@
-"""The executions of a timeline: which steps of plans ran when, and which acts of no plan."""
+"""The executions of a timeline: steps of plans, and acts without a plan."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..sql.rows import KB, table_of
 from .revisions import Revision, why_of
 from .window import PLAN, PlanBar, StepBar, TimelineQuestion, Window
 
-# The plans of one timeline, and their steps. Plans are found by this many changes of steps.
+# The plans and steps of one timeline. Plans are found by this many changes of steps.
 MOST_PLANS, MOST_STEPS, MOST_CHANGES = 100, 2_000, 5_000
 
 
@@ -27,13 +27,13 @@ _NO_PLAN = constant(NO_PLAN)
 
 
 def _some(ids: Select[Any], order: Any) -> Select[Any]:
-    """Select some rows in the order of an index, as many as are looked at."""
+    """Select a limited number of rows in the order of an index."""
     return first_rows(ids.order_by(order), MOST_CHANGES)
 
 
 def _ids() -> Query:
-    """Select the plans that were recorded in a window, or of which a step changed or ran there."""
-    # Executions without a plan that did have rows of their own.
+    """Select the plans that were recorded in a window, or whose steps changed or ran there."""
+    # Executions without a plan have their own rows.
     version = VERSIONS.c
     columns = version.plan_id, version.position, version.since, version.outcome
     of_step: Any = select(*columns).where(version.kb_id == KB)
@@ -67,7 +67,7 @@ def _ids() -> Query:
 
 
 def _of_these(mapped: type[t.Base], *names: str) -> Any:
-    """Select what a table has of the steps of some plans, and of executions without a plan."""
+    """Select the rows of some plans' steps, and of executions without a plan."""
     columns = table_of(mapped).c
     rows = select(*(columns[name] for name in ("plan_id", "position", *names)))
     rows = rows.where(columns.kb_id == KB)
@@ -95,7 +95,7 @@ _STATUSES = Query(
 
 
 class _Ran(NamedTuple):
-    """What became of a step."""
+    """The course of a step."""
 
     status: str  # its last status
     since: int | None  # the revision that started it
@@ -108,8 +108,8 @@ class PlanBars:
     def __init__(
         self, session: Session, kb_id: int, window: Window, question: TimelineQuestion
     ) -> None:
-        """Read those with a step that has the object and the text; the caller reads revisions."""
-        self.has_more = False  # whether earlier plans, or steps, are left out
+        """Read the plans with a step that has the object and the text, but no revisions."""
+        self.has_more = False  # whether it omits earlier plans or steps
         self._wanted = question.wanted
         self._plans: list[Row] = []
         self._steps: dict[int, list[tuple[int, str]]] = {}
@@ -162,7 +162,7 @@ class PlanBars:
         return found
 
     def bars(self, told: Mapping[int, Revision]) -> tuple[PlanBar, ...]:
-        """Make the plans, of the revisions that they name."""
+        """Make the plans from the revisions that they name."""
         made = []
         for plan_id, recorded_in, planner in self._plans:
             if plan_id in self._steps:

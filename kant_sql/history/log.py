@@ -1,4 +1,4 @@
-"""The log: revisions with their changes, newest first: all of them, and a page at a time."""
+"""The log: revisions with their changes, newest first, complete and by pages."""
 
 from __future__ import annotations
 
@@ -65,13 +65,13 @@ from .versions import read_involvement, read_newest
 
 # Versions of each identity of an element that are read at a time; each has two changes at most.
 VERSION_PAGE = 250
-# Revisions that a page searches for an actor, and for a text.
+# Revisions that a page searches for an actor, and for a text, at most.
 SEARCHED_FOR_ACTOR, SEARCHED_FOR_TEXT = 100_000, 10_000
-# Revisions of an element that a page looks at, if it is to have those of an actor or a text.
+# Revisions of an element that a page filters by an actor or a text, at most.
 SEARCHED_OF_ELEMENT = 500
 # A revision with more changes has them on its own page.
 LISTED = 60
-# Changes in which a page looks for a text, if they are of several revisions.
+# Changes that a page searches for a text, if they belong to several revisions.
 SEARCHED_CHANGES = 20_000
 
 
@@ -79,11 +79,11 @@ _Changes = dict[int, tuple[Change, ...]]
 
 
 class LogFilter(NamedTuple):
-    """Which revisions are asked for; all conditions apply."""
+    """A filter of revisions; all conditions apply."""
 
     actor: str | None = None  # who wrote
-    element: str | None = None  # what was changed, as for `log`
-    # What is in the reason, the actor, the source as JSON, or a change, in any case.
+    element: str | None = None  # the changed element, as for `log`
+    # A text within the reason, the actor, the source as JSON, or a change, ignoring case.
     text: str | None = None
 
 
@@ -93,8 +93,8 @@ class LogLine:
 
     Attributes:
         revision: the revision.
-        changes: what it changed; nothing if that is too much, or in an archive.
-        total: how much it changed, as far as it is counted.
+        changes: its changes; empty if they are too many, or in an archive.
+        total: the number of its changes, as far as they are counted.
         is_counted: whether `total` counts all.
         is_archived: whether a part of its changes is in an archive.
     """
@@ -114,9 +114,9 @@ class LogPage(NamedTuple):
     Attributes:
         head: the last revision.
         revisions: the revisions, newest first.
-        before: the revision before which the next page goes on; None after the last.
-        searched: the first revision that was searched, where a page ended before it was full.
-        archive: why a page ended at an archive, and where that is.
+        before: the revision before which the next page continues; None after the last.
+        searched: the first searched revision, if the page ended before it was full.
+        archive: why the page ended at an archive, and where that is.
     """
 
     head: int
@@ -127,7 +127,7 @@ class LogPage(NamedTuple):
 
 
 def _changed() -> Select[Any]:
-    """Select the revisions of a range that changed what has the text."""
+    """Select the revisions of a range with a change that has the text."""
     ends = [
         select(end.revision.label("n")).where(
             end.source.version.kb_id == KB, in_range(end.revision), contains(end.source.text)
@@ -138,7 +138,7 @@ def _changed() -> Select[Any]:
 
 
 def _end_of_search() -> Query:
-    """Select the revisions in which the bound of what is searched is reached, by table."""
+    """Select the revisions at which the search reaches its bound, by table."""
     ends = []
     for end in SEARCHED_ENDS:
         number, within = end.revision, in_range(end.revision)
@@ -156,7 +156,7 @@ _NEWEST_FIRST = WITH_ARCHIVED.order_by(RevisionRow.number.desc())
 
 @cache
 def _newest(has_actor: bool, has_text: bool) -> Query:
-    """Select the newest revisions of a range, and up to which one a part is in an archive."""
+    """Select the newest revisions of a range, and the archived revision."""
     number = RevisionRow.number
     rows = _NEWEST_FIRST.where(in_range(number))
     if has_actor:
@@ -175,7 +175,7 @@ def _newest(has_actor: bool, has_text: bool) -> Query:
 def _find(
     session: Session, kb_id: int, asked: LogFilter, low: int, high: int, limit: int
 ) -> tuple[list[Row], int]:
-    """Find the newest revisions of a range, and the first revision that was looked at."""
+    """Find the newest revisions of a range, and the first searched revision."""
     own: dict[str, Any] = {"kb": kb_id, "high": high, "size": limit, "actor": asked.actor}
     first = low
     if asked.text is not None:
@@ -230,10 +230,10 @@ def log(
     Args:
         since: the first revision, or the earliest time of commit; both inclusive.
         until: the last revision, or the latest time of commit; both inclusive.
-        actor: return revisions of this actor.
-        element: return revisions that changed this element, and their changes of it: a DTO, a
-            formula, PDDL text such as `(robot_at rb1 wp1)`, or a name. Of an object, the
-            changes of all that involves it, as for `history`.
+        actor: only revisions of this actor.
+        element: only revisions that changed this element, with only these changes: a DTO, a
+            formula, PDDL text such as `(robot_at rb1 wp1)`, or a name. An object selects all that
+            involves it, as for `history`.
         limit: the maximum number of revisions; None for all.
 
     Returns:
@@ -242,8 +242,8 @@ def log(
     Raises:
         UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
         ArchivedError: on reaching a revision that is partly in an archive.
-        UnknownNameError: instead of no entry, if there never was such an actor, or `element` is
-            a text with a name that never was.
+        UnknownNameError: there never was such an actor, or a name in the text `element` never
+            existed.
         InvalidKnowledgeError: `element` is not one of the above.
 
     Examples:
@@ -255,12 +255,12 @@ def log(
 
 
 class _Page(NamedTuple):
-    """Entries that were read together."""
+    """Entries read together."""
 
     entries: list[LogEntry]
     end: int  # no revision from this one on is missing
     archived: int | None = None  # versions that ended up to this revision are in an archive
-    size: int | None = None  # of the next page, where this page determines it
+    size: int | None = None  # the size of the next page, if this one determines it
 
 
 def _read_log(
@@ -283,7 +283,7 @@ def _read_log(
 def _known(
     store: Store, entries: Iterator[LogEntry], actor: str | None, element: object
 ) -> Iterator[LogEntry]:
-    """Yield entries; without any, refuse an actor or an element that never was."""
+    """Yield entries; if there are none, refuse an actor or an element that never existed."""
     is_empty = True
     for entry in entries:
         is_empty = False
@@ -297,7 +297,7 @@ def _known(
 def _entries(
     store: Store, wanted: list[Sought] | None, actor: str | None, bounds: Bounds, limit: int
 ) -> Iterator[LogEntry]:
-    """Yield entries page by page, and refuse the first that is incomplete because of an archive."""
+    """Yield entries page by page; refuse the first one that is partly in an archive."""
     low, high, redefined, _ = bounds
     size = most = min(LOG_PAGE, limit) if wanted is None or actor is None else LOG_PAGE
     archived = None
@@ -319,14 +319,14 @@ def _entries(
         high, size = page.end - 1, most if page.size is None else min(most, page.size)
         archived = page.archived
     if wanted is not None and high < low and (archived is None or low <= archived):
-        # What was archived has left no trace in the versions.
+        # Archived changes have left no trace in the versions.
         refuse_archived_revision(store, max(1, low - 1))
 
 
 def _small_page(
     session: Session, kb_id: int | None, low: int, high: int, size: int, redefined: int
 ) -> _Page | None:
-    """Read a page in two statements; None when it has many changes."""
+    """Read a page in two statements; None if it has many changes."""
     if kb_id is None:
         return _Page([], low)
     low = max(low, high - size + 1)
@@ -381,9 +381,9 @@ def _page_of_element(
 def _changes_of(
     session: Session, kb_id: int, wanted: list[Sought], low: int, high: int
 ) -> tuple[_Changes, int]:
-    """Read the changes of an element, and the revision from which on they are all there."""
+    """Read the changes of an element, and the revision from which they are complete."""
     names, others = take_objects(wanted)
-    # With the definitions of objects: they have the ids of those that are still there.
+    # With the definitions of objects: these include the ids of present ones.
     rows = read_newest(session, kb_id, wanted if names else others, high, VERSION_PAGE)
     changes, end = _of_versions(rows)
     end = max(low, end)
@@ -399,7 +399,7 @@ def _changes_of(
 
 
 def _ids_of(session: Session, kb_id: int, names: set[str], rows: Iterable[Row]) -> list[int]:
-    """Return the ids of objects, of rows with their versions where these have them all."""
+    """Return the ids of objects, from rows with their versions if these have all of them."""
     if not names:
         return []
     known = {owner for kind, *_, owner in rows if kind == "object"}
@@ -410,7 +410,7 @@ def _ids_of(session: Session, kb_id: int, names: set[str], rows: Iterable[Row]) 
 
 
 def _of_versions(rows: Iterable[Row]) -> tuple[list[tuple[int, Change]], int]:
-    """Return the changes of versions, and the revision from which on all are there."""
+    """Return the changes of versions, and the revision from which they are complete."""
     changes, end = list[tuple[int, Change]](), 0
     read: Counter[tuple[str, int]] = Counter()
     for kind, text, since, until, owner in rows:
@@ -419,13 +419,13 @@ def _of_versions(rows: Iterable[Row]) -> tuple[list[tuple[int, Change]], int]:
             changes.append((until, Change(RETRACTED, kind, text)))
         read[kind, owner] += 1
         if read[kind, owner] == VERSION_PAGE:
-            # Its versions do not overlap: the one before this may have ended where this began.
+            # Versions do not overlap: the one before may have ended where this one began.
             end = max(end, since + 1)
     return changes, end
 
 
 def _refuse_holes(session: Session, rows: list[Row], high: int, count: int) -> None:
-    """Refuse a page that lacks revisions: with a damaged head, pages would never end."""
+    """Refuse a page with missing revisions: with a damaged head, pages would never end."""
     numbers = {row[0] for row in rows}
     for number in range(high, high - count, -1):
         if number not in numbers:
@@ -463,7 +463,7 @@ def read_log_page(
 
 
 def _lines(session: Session, kb_id: int, rows: Sequence[Row]) -> list[LogLine]:
-    """Read how much some revisions changed, and what, in two statements."""
+    """Read the changes of some revisions and their number, in two statements."""
     if not rows:
         return []
     totals = count_each(session, kb_id, [row[0] for row in rows])
@@ -520,13 +520,12 @@ class RevisionPage(NamedTuple):
 
     Attributes:
         revision: the revision with the changes of the page.
-        total: how many changes it has, as far as they are counted.
-        is_counted: whether `total` counts all; else there are more: of a kind, the pages have
-            50,000.
-        offset: how many changes come before the page.
+        total: the number of its changes, as far as they are counted.
+        is_counted: whether `total` counts all; pages have up to 50,000 of a kind.
+        offset: the number of changes before the page.
         next: the value of `after` for the next page; None after the last.
         head: the last revision.
-        archive: where a part of its changes is; None if they are all here.
+        archive: where a part of its changes is; None if all are here.
     """
 
     revision: LogEntry

@@ -1,7 +1,7 @@
-"""A branch that comes back: what it changed since it began, as one revision here.
+"""The merge of a branch: its changes since it began, as one revision here.
 
-The base is the state in which the branch began, or was merged last. What only the branch has
-changed since is taken over; what both have changed differently is a conflict.
+The base is the state in which the branch began, or was merged last. A merge takes over changes that
+only the branch has made since; elements that both changed differently are conflicts.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from .revisions import LAST_MOMENT, Revision, read_numbered, read_revisions
 logger = logging.getLogger("kant_sql.history")
 
 _SOURCE = cast(RevisionRow.source, Text)
-# Canonical JSON sorts its keys: the source of a merge begins so.
+# Canonical JSON sorts its keys: the source of a merge begins like this.
 _MERGES = Query(
     select(RevisionRow.number, _SOURCE)
     .where(
@@ -64,7 +64,7 @@ _MERGES = Query(
 
 
 class _Branch(NamedTuple):
-    """A branch, and where it is merged from."""
+    """A branch, and the base of its merge."""
 
     name: str
     head: int
@@ -72,8 +72,8 @@ class _Branch(NamedTuple):
     origin: int  # the revision of this knowledge base that it began with
     base: int  # that revision, or the one of the last merge here
     merged: int  # its own revision then
-    merges: list[tuple[int, int, str]]  # all merges of branches of its name
-    own: frozenset[int]  # the merges here of what it says up to its head
+    merges: list[tuple[int, int, str]]  # all merges of branches with its name
+    own: frozenset[int]  # the merges here of its revisions up to its head
 
 
 def _find(state: State, branch: State) -> _Branch:
@@ -118,7 +118,7 @@ def _find(state: State, branch: State) -> _Branch:
 def _read_ends(
     session: Session, kb_id: int | None, at: int | None
 ) -> tuple[Revision | None, Revision | None]:
-    """Read the first revision of a branch, and the last up to which it is merged."""
+    """Read the first revision of a branch, and its last revision to merge."""
     position = read_position(session, kb_id)
     head = position.head if at is None else at
     if kb_id is None or not head:
@@ -131,7 +131,7 @@ def _read_ends(
 def _merges(
     session: Session, kb_id: int, low: int, high: int, name: str
 ) -> list[tuple[int, int, str]]:
-    """Read the merges of branches of a name: the last first, each with what it says of it."""
+    """Read the merges of branches with a name, the last first, each with its source."""
     found = []
     for number, text in session.rows(_MERGES, kb=kb_id, low=low + 1, high=high):
         source = read_source(text)
@@ -168,7 +168,7 @@ def _read_decisions(decide: Mapping[str, Decision] | None) -> dict[str, Decision
 def _said_here(
     session: Session, kb_id: int, side: SideChanges, asked: Set[Key]
 ) -> list[MergeSaying]:
-    """Return what was said of elements: from a commit on, and of periods, which overrides it."""
+    """Return the statements about elements: plain writes, and sayings, which override them."""
     traces = [(key, side.traces[key]) for key in asked & side.traces.keys()]
     plain = [(number, key, text) for key, one in traces for number, text in one.since.items()]
     revisions = read_numbered(session, kb_id, {number for number, *_ in plain})
@@ -180,7 +180,7 @@ def _said_here(
 
 
 class _Merging:
-    """One merge: reads the branch, then compares and writes where the head is locked."""
+    """One merge: reads the branch, then compares and writes under the lock of the head."""
 
     def __init__(self, state: State, branch: State, decide: Mapping[str, Decision] | None) -> None:
         self.store = state.store
@@ -195,13 +195,13 @@ class _Merging:
 
         self._theirs = self._other.read_in_snapshot(read, found.head)
         self._sayings = [said for said in self._theirs.sayings if said.number > found.merged]
-        # The rules that the result would break, with what was changed on which that depends.
+        # The rules that the result would break, with the changes that break them.
         self._broken: dict[str, set[Key]] = {}
 
     def compare(
         self, session: Session, kb_id: int, definitions: Definitions, head: int
     ) -> tuple[Merge, MergeComparison]:
-        """Compare the branch with what is here."""
+        """Compare the branch with this knowledge base."""
         found = self.branch
         merges = _merges(session, kb_id, found.origin, head, found.name)
         if merges != found.merges:
@@ -251,7 +251,7 @@ class _Merging:
     def _decide_rules(
         self, compared: MergeComparison, here: Mapping[int, Revision], there: Mapping[int, Revision]
     ) -> Iterator[MergeConflict]:
-        """Leave out what breaks a rule with what is here, or undo that, as decided."""
+        """Leave out the changes that break a rule, or undo those made here, as decided."""
         for element, keys in self._broken.items():
             decided = self._decided(element)
             compared.keep(keys, decided)
@@ -260,7 +260,7 @@ class _Merging:
             yield MergeConflict(element, None, ours, theirs, decided)
 
     def _learn(self, compared: MergeComparison, error: RuleViolatedError) -> bool:
-        """Make a conflict of a rule that the result breaks; return whether it was not yet known."""
+        """Make a conflict from a rule that the result breaks; return whether it is new."""
         element = f"rule {error.rule} {error.instance}"
         known = self._broken.get(element, set())
         found = compared.read_by(error) | known
@@ -270,14 +270,14 @@ class _Merging:
         return True
 
     def _decided(self, element: str) -> Decision | None:
-        """Return what was decided about an element, by its name with or without its kind."""
+        """Return the decision about an element, by its name with or without its kind."""
         whole = fold(element)
         return self._given.get(whole, self._given.get(whole.partition(" ")[2]))
 
     def _decide_sayings(
         self, compared: MergeComparison, here: Mapping[int, Revision], there: Mapping[int, Revision]
     ) -> Iterator[MergeConflict]:
-        """Take over what was said of periods, unless it is in conflict or decided otherwise."""
+        """Take over sayings about periods, unless they are in conflict or decided otherwise."""
         for said, against in compared.sayings:
             decided = self._given.get(fold(said.element), self._given.get(fold(said.text)))
             if decided == THEIRS or (against is None and decided is None):
@@ -288,7 +288,7 @@ class _Merging:
                 yield MergeConflict(said.element, None, ours, theirs, decided)
 
     def refuse_unknown(self, made: Merge, compared: MergeComparison) -> None:
-        """Refuse decisions about what is no conflict and no saying, or about several."""
+        """Refuse decisions that match no conflict and no saying, or several."""
         sayings = [said.element for said, _ in compared.sayings]
         elements = [*dict.fromkeys((*(each.element for each in made.conflicts), *sayings))]
         names = [fold(each) for each in elements]
@@ -307,7 +307,7 @@ class _Merging:
             )
 
     def write(self, transaction: Transaction) -> Merge:
-        """Write the result; raise `_AgainError` if it breaks a rule, which is a conflict then."""
+        """Write the result; raise `_AgainError` if it breaks a rule, which becomes a conflict."""
         definitions = transaction.definitions.origin
         head = transaction.head.revision
         made, compared = self.compare(transaction.session, transaction.kb_id, definitions, head)
@@ -324,13 +324,13 @@ class _Merging:
                 raise _AgainError from error
             failed = error
         self.refuse_unknown(made, compared)
-        # With open conflicts as they are here, more may be refused than once they are decided.
+        # With undecided conflicts as `ours`, more may be refused than after the decisions.
         if failed is not None and not made.undecided:
             raise failed
         return made
 
     def refuse_undecided(self, made: Merge) -> None:
-        """Refuse a merge with open conflicts."""
+        """Refuse a merge with undecided conflicts."""
         if undecided := made.undecided:
             count = f"{len(undecided)} open conflict{'s' * (len(undecided) > 1)}"
             raise MergeConflictError(
@@ -341,17 +341,17 @@ class _Merging:
 
 
 class _AgainError(Exception):
-    """Rolls back what breaks a rule, which is a conflict from now on."""
+    """Rolls back a result that breaks a rule, which becomes a conflict."""
 
 
 class _PreviewedError(Exception):
-    """Rolls back what was written to be judged."""
+    """Rolls back a result that was written to be judged."""
 
 
 def merge_preview(
     state: State, branch: State, decide: Mapping[str, Decision] | None = None
 ) -> Merge:
-    """Compare a branch with a knowledge base, as `KnowledgeBase.merge_preview`."""
+    """Compare a branch with a knowledge base, like `KnowledgeBase.merge_preview`."""
     merging = _Merging(state, branch, decide)
     store, refused, made = state.store, None, None
     while made is None:
@@ -362,7 +362,7 @@ def merge_preview(
         except _AgainError:
             continue
         except (ReadOnlyError, ReplicaError, StaleRevisionError):
-            # Nothing can be written here, so nothing is tried.
+            # Nothing can be written here, so do not try.
             break
         except InvalidArgumentError:
             raise
@@ -390,7 +390,7 @@ def merge(
     actor: str | None = None,
     expected_revision: int | None = None,
 ) -> Merge:
-    """Merge a branch into a knowledge base, as `KnowledgeBase.merge`."""
+    """Merge a branch into a knowledge base, like `KnowledgeBase.merge`."""
     merging = _Merging(state, branch, decide)
     found, store = merging.branch, state.store
     why = f"merged {found.name} at revision {found.head}" if reason is None else reason

@@ -1,6 +1,6 @@
-"""What a branch has said of periods, beside what was said of the same times here.
+"""The sayings of a branch about periods, compared with those about the same times here.
 
-A revision says one thing of an element at most, each of a period of its own.
+A revision has at most one saying about an element, with its own period.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from .merged import NAMED
 
 
 class MergeSaying(NamedTuple):
-    """What a revision said of a fact or a fluent: of a period, or from its commit on."""
+    """A statement of a revision about a fact or fluent: about a period, or from its commit on."""
 
     number: int
     key: Key
     content: str | None  # the text of the fact or value; None: it did not hold
-    text: str  # that of the change; nothing if the revision retracted it
+    text: str  # the text of the change; empty if the revision retracted it
     begin: datetime
     end: datetime
 
     @property
     def element(self) -> str:
-        """What it is decided by."""
+        """The name for decisions about it."""
         return f"{SAYING} {self.text}"
 
 
@@ -60,7 +60,7 @@ _SAYINGS = Query(
 
 
 def read_sayings(session: Session, kb_id: int, low: int, high: int) -> list[MergeSaying]:
-    """Read what a range of revisions said of periods, the first revision first."""
+    """Read the sayings of a range of revisions, oldest first."""
     found = []
     for number, text, *ends, kind, name in session.rows(_SAYINGS, kb=kb_id, low=low, high=high):
         said, _, content = text.partition(" :from ")[0].partition(" ")
@@ -74,9 +74,9 @@ def read_sayings(session: Session, kb_id: int, low: int, high: int) -> list[Merg
 def compare_sayings(
     theirs: Iterable[MergeSaying], ours: Iterable[MergeSaying], merges: Collection[int]
 ) -> Iterator[tuple[MergeSaying, MergeSaying | None]]:
-    """Yield what of the sayings of a branch is new here, each with what contradicts it if anything.
+    """Yield the sayings of a branch that are new here, each with a contradiction if there is one.
 
-    What was said here by one of its merges does not; of what covers a time, the last counts.
+    Sayings that its merges wrote do not contradict; the last one that covers a time counts.
     """
     sides: defaultdict[Key, tuple[list[MergeSaying], list[MergeSaying]]] = defaultdict(
         lambda: ([], [])
@@ -87,19 +87,19 @@ def compare_sayings(
     for key, (said, here) in sides.items():
         for place, own in enumerate(said, 1):
             if any(each.begin <= own.begin and own.end <= each.end for each in said[place:]):
-                # The branch itself has said something else since.
+                # The branch itself has a later saying.
                 continue
             beliefs = [each for _, each in last_said(own.begin, own.end, here)]
             known = [each for each in beliefs if each is not None]
             others = [each for each in known if not is_same(key, each.content, own.content)]
             against = [each for each in others if each.number not in merges]
-            # What is said of just this period here is not said again.
+            # Skip a saying that is here with just this period.
             if others or None in beliefs or any(each[4:] != own[4:] for each in known):
                 yield own, max(against, key=attrgetter("number"), default=None)
 
 
 def say_all(transaction: Transaction, sayings: Iterable[MergeSaying]) -> None:
-    """Say of periods what a branch has said; refuse what does not fit here."""
+    """Write the sayings of a branch; refuse those that do not fit here."""
     facts, fluents = References(transaction, are_goals=False), FluentReferences(transaction)
     found: list[tuple[Period, str, Any, str, Any]] = []
     wrong, now, first = [], transaction.head.clock, dict[Key, MergeSaying]()
@@ -107,7 +107,7 @@ def say_all(transaction: Transaction, sayings: Iterable[MergeSaying]) -> None:
         place, name = (Period(one.begin, one.end, False), one.key[0]), one.key[1]
         if first.setdefault(one.key, one) is not one:
             before = f"merge up to before it first, as in kb.merge(branch.at({one.number - 1}))"
-            wrong.append(f"{one.element}: a revision says one thing of an element, so {before}")
+            wrong.append(f"{one.element}: a revision has one saying about an element: {before}")
         elif one.end > now:
             wrong.append(f"{one.element}: it ends after the store's clock, {time_text(now)}")
         try:

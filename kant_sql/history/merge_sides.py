@@ -1,4 +1,4 @@
-"""What both sides of a merge have changed since the branch began, and what decisions make of it."""
+"""The changes of both sides of a merge since the branch began, and the effect of decisions."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from .revisions import Revision
 
 @dataclass(eq=False, slots=True)
 class Trace:
-    """What became of one element in a range of revisions."""
+    """The changes of one element in a range of revisions."""
 
-    name: str  # what it is called, as it is spelled
+    name: str  # its name, as spelled
     first: int  # the first revision that changed it
     last: int = 0  # the last revision that changed it
-    before: str | None = None  # its text before the range; None where it did not hold
+    before: str | None = None  # its text before the range; None if it did not hold
     then: str | None = None  # its text at a revision within the range
     now: str | None = None  # its text after the range
-    # What revisions after that one made of it.
+    # The changes of revisions after that one.
     since: dict[int, str | None] = field(default_factory=dict)
     _asserted: int = 0
 
     def add(self, number: int, change: Change, split: int) -> None:
-        """Add a change; within a revision, what it asserts comes first."""
+        """Add a change; within a revision, assertions come first."""
         if change.sign == ASSERTED:
             self.now, self._asserted = change.text, number
         else:
@@ -52,18 +52,18 @@ class Trace:
 
 
 class SideChanges(NamedTuple):
-    """What one side has changed since the branch began."""
+    """The changes of one side since the branch began."""
 
     traces: dict[Key, Trace]
     definitions: Definitions
-    sayings: list[MergeSaying]  # what was said of periods
-    pseudonyms: set[str]  # given out by erasures
+    sayings: list[MergeSaying]  # sayings about periods
+    pseudonyms: set[str]  # pseudonyms that erasures assigned
 
 
 def read_side(
     session: Session, kb_id: int, definitions: Definitions, low: int, high: int, split: int
 ) -> SideChanges:
-    """Read what a range of revisions changed, in two statements."""
+    """Read the changes of a range of revisions, in two statements."""
     traces: dict[Key, Trace] = {}
     pseudonyms = set[str]()
     for number, change in stream_changes(session, kb_id, low, high):
@@ -80,22 +80,22 @@ def read_side(
 
 
 class MergeComparison:
-    """The two sides of a merge, and what follows from decisions."""
+    """The two sides of a merge, and the result of decisions."""
 
     def __init__(self, base: int, merged: int, ours: SideChanges, theirs: SideChanges) -> None:
-        """Compare what was changed here since the base, and there since it was merged last."""
+        """Compare the changes here since the base, and there since its last merge."""
         self._sides: dict[str, SideChanges] = {OURS: ours, THEIRS: theirs}
-        # Definitions that others can mention, and those that only one side has.
+        # Definitions that others can mention, and definitions that only one side has.
         traces = (*ours.traces, *theirs.traces)
         self._mentioned = {key for key in traces if key[0] in DECLARED}
         texts = ((key, self.text(OURS, key), self.text(THEIRS, key)) for key in self._mentioned)
         self._deleted = {key for key, own, other in texts if (own is None) != (other is None)}
-        # What is taken over from the branch, of what it has said of periods, too.
+        # Changes to take over from the branch, and its sayings to take over.
         self.brought: set[Key] = set()
         self.said: list[MergeSaying] = []
-        # What it has said of periods, with what contradicts it here.
+        # Its sayings, with those that contradict them here.
         self.sayings: list[tuple[MergeSaying, MergeSaying | None]] = []
-        # What is in conflict, with those that use it, and on which side they are.
+        # Elements in conflict, with the elements that use them, and their side.
         self.conflicts: dict[Key, tuple[str, list[Key]]] = {}
         self._uses: dict[str, dict[Key, list[Key]]] = {}
         for key, trace in theirs.traces.items():
@@ -109,7 +109,7 @@ class MergeComparison:
         self._find_used()
 
     def text(self, side: str, key: Key) -> str | None:
-        """Return what a side says of an element that one of them has changed."""
+        """Return the text of a changed element on one side."""
         own = self._sides[side].traces
         other = self._sides[THEIRS if side == OURS else OURS].traces
         return own[key].now if key in own else other[key].before
@@ -119,7 +119,7 @@ class MergeComparison:
 
     @property
     def is_mixed(self) -> bool:
-        """Whether a definition has changed that the other side may rely on."""
+        """Whether a definition changed that the other side may rely on."""
         for key in self._mentioned:
             texts = {self.text(side, key) for side in self._sides}
             texts |= {one.traces[key].before for one in self._sides.values() if key in one.traces}
@@ -128,7 +128,7 @@ class MergeComparison:
         return False
 
     def _find_used(self) -> None:
-        """Find what one side has deleted and the other uses, also if a decision is that it does."""
+        """Find elements that one side deleted and the other uses, also because of a decision."""
         is_done = False
         while not is_done:
             is_done = True
@@ -147,7 +147,7 @@ class MergeComparison:
         self.brought -= self.conflicts.keys()
 
     def decide(self, decided: Mapping[Key, str]) -> None:
-        """Take over what was decided so; what is open stays as it is here."""
+        """Take over elements decided as `theirs`; undecided ones stay as they are here."""
         settled = {key: decided.get(key, OURS) for key in self.conflicts}
         found = settled
         while found:
@@ -157,7 +157,7 @@ class MergeComparison:
             for key in self._deleted & settled.keys():
                 side = self._owner(key)
                 if not self._is_on(side, key):
-                    # What uses it goes with it.
+                    # Elements that use it go with it.
                     users = [one for one in self._users(side, key) if self._is_on(side, one)]
                     if key in decided:
                         self._refuse_opposite(key, users, decided)
@@ -165,9 +165,9 @@ class MergeComparison:
             settled |= found
 
     def read_by(self, error: RuleViolatedError) -> set[Key]:
-        """Return what one side has changed, unlike the other, of what breaks a rule.
+        """Return the changes that only one side made to the knowledge that breaks a rule.
 
-        That is the rule itself, if the side that saved it changed nothing else of it.
+        This is the rule itself, if the side that saved it changed none of that knowledge.
         """
         reads = [(one[0], [one and fold(one) for one in one[1:]]) for one in error.reads]
         sides = [side.traces.keys() for side in self._sides.values()]
@@ -181,11 +181,11 @@ class MergeComparison:
         return found
 
     def keep(self, keys: Iterable[Key], decided: Decision | None) -> None:
-        """Have elements as one side has them."""
+        """Keep elements as one side has them."""
         (self.brought.update if decided == THEIRS else self.brought.difference_update)(keys)
 
     def broken_by(self, side: str, keys: Set[Key], revisions: Mapping[int, Revision]) -> MergeSide:
-        """Describe what one side did that breaks a rule with what the other one did."""
+        """Describe the changes of one side that break a rule together with those of the other."""
         traces = self._sides[side].traces
         own = sorted((traces[key].last, key) for key in keys & traces.keys())
         said = [traces[key].now or f"(not {traces[key].name})" for _, key in own]
@@ -193,7 +193,7 @@ class MergeComparison:
         return MergeSide(text, revisions.get(own[-1][0]) if own else None)
 
     def _owner(self, key: Key) -> str:
-        """Return the side that has what the other has deleted."""
+        """Return the side that still has an element that the other has deleted."""
         return THEIRS if self.text(OURS, key) is None else OURS
 
     def _refuse_opposite(self, key: Key, users: Iterable[Key], decided: Mapping[Key, str]) -> None:
@@ -206,12 +206,12 @@ class MergeComparison:
                 )
 
     def _is_on(self, side: str, key: Key) -> bool:
-        """Return whether the result has an element as a side has it, unlike the other."""
+        """Return whether the result has an element as one side has it, and the other does not."""
         is_brought = key in self.brought
         return is_brought == (side == THEIRS) and self.text(side, key) is not None
 
     def _users(self, side: str, key: Key) -> list[Key]:
-        """Return what a side has changed that mentions something of which the other has nothing."""
+        """Return the changes of a side that mention an element that the other lacks."""
         if side not in self._uses:
             traces, definitions, *_ = self._sides[side]
             kinds = ((kind, one) for kind in KINDS for one in definitions.elements(kind))
@@ -227,11 +227,11 @@ class MergeComparison:
         return self._uses[side].get(key, [])
 
     def wanted(self) -> dict[Key, str | None]:
-        """Return what the elements are to say that are taken over."""
+        """Return the new contents of the elements to take over."""
         return {key: self.text(THEIRS, key) for key in sorted(self.brought)}
 
     def changes(self) -> Iterator[Change]:
-        """Yield what is taken over as changes of what is here."""
+        """Yield the changes of the present state that the merge makes."""
         for key in self.brought:
             for sign, side in ((ASSERTED, THEIRS), (RETRACTED, OURS)):
                 text = self.text(side, key)
@@ -240,7 +240,7 @@ class MergeComparison:
         yield from (Change(ASSERTED, SAYING, said.text) for said in self.said)
 
     def refuse_pseudonyms(self) -> None:
-        """Refuse what names somebody by what both erased somebody as: it may be two."""
+        """Refuse changes with a pseudonym that both sides assigned: it may mean two objects."""
         both = set.intersection(*(side.pseudonyms for side in self._sides.values()))
         for change in self.changes() if both else ():
             if both & {*tokenize(change.text)}:
@@ -251,12 +251,12 @@ class MergeComparison:
                 )
 
     def element(self, key: Key) -> str:
-        """Return what an element is decided by."""
+        """Return the name for decisions about an element."""
         trace = self._sides[THEIRS].traces.get(key) or self._sides[OURS].traces[key]
         return f"{key[0]} {trace.name}".strip()
 
     def numbers(self, side: str, broken: Iterable[Key]) -> set[int]:
-        """Return the revisions by which a side changed what is in conflict, or breaks rules."""
+        """Return the revisions in which a side changed conflicting or rule-breaking elements."""
         traces, place = self._sides[side].traces, 0 if side == THEIRS else 1
         sayings = [pair[place] for pair in self.sayings if pair[1] is not None]
         said = {each.number for each in sayings if each is not None}
@@ -272,7 +272,7 @@ class MergeComparison:
         return MergeSide(self.text(side, key), revision, tuple(sorted(used)))
 
     def base(self, key: Key) -> str | None:
-        """Return what an element was in the base."""
+        """Return the text of an element in the base."""
         own = self._sides[THEIRS].traces.get(key)
         return self._sides[OURS].traces[key].before if own is None else own.then
 

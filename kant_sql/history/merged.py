@@ -1,4 +1,4 @@
-"""What a merge of a branch changes, and the conflicts between the two sides."""
+"""The changes of a merge, and the conflicts between the two sides."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .revisions import Revision
 Decision = Literal["ours", "theirs"]
 OURS: Decision = "ours"
 THEIRS: Decision = "theirs"
-# Conflicts, and what uses an element, that a message names.
+# Conflicts, and users of an element, that a message names.
 NAMED = 10
 
 
@@ -21,11 +21,11 @@ class MergeSide:
     """One side of a conflict, and the revision that changed it last.
 
     Attributes:
-        text: the element's text; None if it was deleted or never existed. Of a rule, what this side
-            changed of the facts and values that break it.
+        text: the element's text; None if it was deleted or never existed. For a rule, this side's
+            changes of the facts and values that break it.
         revision: who changed it last since the base, when and why; None if this side only uses it.
-        used_by: elements that this side has asserted since the base, and that mention the element,
-            which the other side has deleted.
+        used_by: elements that this side has asserted since the base, and that mention the element
+            that the other side has deleted.
     """
 
     text: str | None
@@ -43,12 +43,12 @@ class MergeSide:
 
 @dataclass(frozen=True)
 class MergeConflict:
-    """An element that the two sides have changed differently, or a rule that they break together.
+    """An element that both sides changed differently, or a rule that they break together.
 
     Attributes:
-        element: its kind and its name, such as `value (battery rb1)`, as `decide` takes it; of a
-            rule, with the violated instance.
-        base: its text in the base; None if it did not hold, and of a rule.
+        element: its kind and its name for `decide`, such as `value (battery rb1)`; for a rule, with
+            the violated instance.
+        base: its text in the base; None if it did not hold, and for a rule.
         ours: this knowledge base.
         theirs: the branch.
         decided: `ours` or `theirs`; None if it is not decided.
@@ -74,15 +74,15 @@ class Merge:
 
     Attributes:
         branch: the name of the branch.
-        branch_revision: its last revision, up to which it is merged.
+        branch_revision: its last merged revision.
         branch_hash: the hash of that revision.
         base: the revision of this knowledge base from which the branch began, or its last merge.
         head: the revision of this knowledge base that it was compared with.
         changes: the changes here; undecided conflicts count as `ours`.
         conflicts: the conflicts, decided or not.
-        refused: why the result would be refused with these decisions, such as by a kept rule; None
-            also where this is not known: of a knowledge base that is opened read-only, and while a
-            conflict is not decided.
+        refused: why the result would be refused with these decisions, for example by a kept rule.
+            None also means unknown: if the knowledge base is open read-only, or a conflict is
+            undecided.
         revision: the revision that was written; None for a preview, or if nothing is new.
     """
 

@@ -1,4 +1,4 @@
-"""The revision at a time, the head, and the bounds of a range of revisions."""
+"""The revision at a time, the head, and the bounds of ranges."""
 
 from __future__ import annotations
 
@@ -93,13 +93,13 @@ def revision_at(state: State, when: When) -> int:
 
 
 def state_at(state: State, when: When) -> int:
-    """Return the revision of one state, as `states_at` does."""
+    """Return the revision of one state, like `states_at`."""
     (revision,), _ = states_at(state, [when])
     return revision
 
 
 def last_before(state: State, after: When) -> int:
-    """Return the revision that a feed begins after: a number, or the last one up to a time."""
+    """Return the revision after which a feed begins: a number, or the last one up to a time."""
     if isinstance(after, str | datetime):
         return state_at(state, after)
     expected = "a revision's number, or 0 to begin with the first"
@@ -117,7 +117,7 @@ def states_at(state: State, whens: Sequence[When]) -> tuple[list[int], HeadPosit
 
 def _find(state: State, whens: Sequence[When]) -> tuple[list[int], HeadPosition]:
     refuse_valid(state, "this")
-    # The store's clock says when now is, which may be behind this process's.
+    # Now is the time of the store's clock, which may be behind this process's.
     given = [(read_when(when), is_now(when)) for when in whens]
     moments = [when for when, is_head in given if isinstance(when, datetime) and not is_head]
     head, numbers = _read_head(state.store, moments)
@@ -134,7 +134,7 @@ def _find(state: State, whens: Sequence[When]) -> tuple[list[int], HeadPosition]
 
 
 def _last_known(state: State, position: HeadPosition) -> int:
-    """Return the last revision that a caller may ask for."""
+    """Return the last revision that a caller may name."""
     upto = state.upto
     return position.head if upto is None else upto
 
@@ -148,7 +148,7 @@ def check_number(name: str, when: int, last: int) -> int:
 
 
 def refuse_valid(state: State | None, question: str) -> None:
-    """Refuse a question about revisions of what was true at one time."""
+    """Refuse a question about revisions on a state of valid time."""
     if state is not None and isinstance(state.store, ValidStore):
         raise InvalidArgumentError(
             f"{question} asks about revisions, and this is knowledge base {state.store.name!r} as "
@@ -158,8 +158,8 @@ def refuse_valid(state: State | None, question: str) -> None:
 
 
 def past_state(state: State, when: When | None, known: When | None, valid: When | None) -> State:
-    """Return a past state: what was known at a revision or time, or was true at a time."""
-    # What is not given is that of the state, which may be one of the past itself.
+    """Return a past state: known at a revision or time, or true at a time."""
+    # Arguments that are not given are those of the state, which may itself be a past one.
     if when is not None and known is not None:
         raise InvalidArgumentError("give the revision as the first argument or as known=, not both")
     known = when if known is None else known
@@ -228,18 +228,18 @@ def find_bounds(state: State, since: When | None, until: When | None) -> Bounds:
     return Bounds(low, high, head.redefined, last)
 
 
-# What a question about a range goes by: the times of commits, or those that knowledge is about.
+# The clocks of a question about a range: times of commits, or valid times.
 VALID = "valid"
 CLOCKS = COMMITTED, VALID
 
 
 def is_valid_clock(clock: str) -> bool:
-    """Check the clock of a question; return whether it is the one of valid times."""
+    """Check the clock of a question; return whether it is valid time."""
     return one_of(clock, CLOCKS, "the clock", InvalidArgumentError) == VALID
 
 
 def find_valid_range(state: State, since: When | None, until: When | None) -> ValidRange:
-    """Find a range of valid times; a revision stands for the time of its commit."""
+    """Find a range of valid times; a revision means the time of its commit."""
     given = [since, None if is_now(until) else until]
     times = iter(valid_times(state, [when for when in given if when is not None]))
     begin, end = (None if when is None else next(times) for when in given)
@@ -254,7 +254,7 @@ def find_valid_range(state: State, since: When | None, until: When | None) -> Va
 
 
 def valid_times(state: State, whens: Sequence[When]) -> list[datetime]:
-    """Return times; a revision stands for that of its commit, and so does now for the last one."""
+    """Return times; a revision means that of its commit, and the last revision means now."""
     given = [LARGEST if is_now(when) else read_when(when) for when in whens]
     numbers = {when for when in given if not isinstance(when, datetime)}
     if numbers:
@@ -270,18 +270,18 @@ def valid_times(state: State, whens: Sequence[When]) -> list[datetime]:
 
 
 def clamped(moment: datetime) -> datetime:
-    """Return a time in UTC, or the nearest one that a store can have."""
+    """Return a time in UTC, or the nearest one that a store can keep."""
     return min(max(moment, FIRST_MOMENT), LAST_MOMENT).astimezone(UTC)
 
 
 def just_before(moment: datetime) -> datetime:
-    """Return the time a microsecond before another one; times have no smaller parts."""
+    """Return the time one microsecond earlier, the resolution of times."""
     return max(clamped(moment), FIRST_MOMENT + MICROSECOND) - MICROSECOND
 
 
 def refuse_reversed(since: Moment | None, until: Moment | None, low: int, high: int) -> None:
-    """Refuse a range that ends before it begins; between two times there may be no revision."""
-    # `low` and `high` are the revisions that it has.
+    """Refuse a range that ends before it begins; there may be no revision between two times."""
+    # `low` and `high` are its revisions.
     if since is None or until is None:
         return
     if isinstance(since, datetime) and isinstance(until, datetime):

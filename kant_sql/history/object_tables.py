@@ -1,4 +1,4 @@
-"""Objects as tables, one for each type: a row has all that is said of an object alone."""
+"""Objects as tables, one for each type: a row has the facts and values of one object."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from ..sql.rows import ATOM_TABLES, KB, PROPOSITION, VALUE, looked_up
 from ..store.snapshot import View
 from ..store.state import State
 
-# How many facts, and how many values, a page has.
+# Facts, and values, on a page at most.
 MOST = 5_000
-# What is in the cell of a predicate that has no other argument.
+# The cell of a predicate without other arguments.
 MARK = "✓"
 
 
 class ObjectRow(NamedTuple):
-    """An object, and by column what is said of it: the other arguments, the values, or a mark."""
+    """An object, and its cells by column: other arguments, values, or a mark."""
 
     object: str
     cells: dict[str, list[str]]
 
 
 class ObjectTable(NamedTuple):
-    """Objects of one type, and the columns that say something of one of them.
+    """Objects of one type, and the columns that have a cell.
 
     A column is the name of a predicate or a function; after an arrow, the object is its second
-    argument. Of each, `columns` has the text of the fact or the fluent that is behind a cell, with
-    `{object}` and `{cell}` in it; nothing for functions of two arguments.
+    argument. For each, `columns` has the text of the fact or the fluent behind a cell, with
+    `{object}` and `{cell}` in it; empty for functions of two arguments.
     """
 
     type: str
@@ -52,10 +52,10 @@ class ObjectsPage(NamedTuple):
     """A page of the objects of a state, by type and name.
 
     Attributes:
-        types: the types that objects have.
-        total: how many objects there are, of the type that is asked for.
+        types: the types with objects.
+        total: the number of objects, of the requested type.
         tables: a table for each type.
-        is_cut: whether so much is said of these objects that some of it is left out.
+        is_cut: whether some facts and values of these objects are omitted.
         next: the value of `after` for the next page; None after the last.
     """
 
@@ -68,7 +68,7 @@ class ObjectsPage(NamedTuple):
 
 @cache
 def _facts(is_past: bool) -> Query:
-    """Select the facts of some objects: predicate, which argument the object is, and both."""
+    """Select the facts of some objects: predicate, position of the object, and both arguments."""
     version = ATOM_TABLES[PROPOSITION].version.c
     arguments = version.first_object_id, version.second_object_id
     parts = [
@@ -107,7 +107,7 @@ _Key = tuple[str, int, int]
 
 
 def _columns(definitions: Definitions) -> dict[_Key, tuple[str, str]]:
-    """Return the columns, by what they are of and which argument the object is."""
+    """Return the columns, by predicate or function and the position of the object."""
     made: dict[_Key, tuple[str, str]] = {}
     for one in definitions.predicates:
         if len(one.parameters) == 1:
@@ -125,7 +125,7 @@ def _columns(definitions: Definitions) -> dict[_Key, tuple[str, str]]:
 def _said(
     view: View, columns: dict[_Key, tuple[str, str]], ids: list[int]
 ) -> list[list[tuple[int, _Key, str]]]:
-    """Read what is said of some objects, in two statements: facts, and values."""
+    """Read the facts and values of some objects, in two statements."""
     past = {} if view.at is None else then(view.session, view.at)
     name = view.definitions.objects.live
 
@@ -158,7 +158,7 @@ def _tables(
     columns: dict[_Key, tuple[str, str]],
     said: list[tuple[int, _Key, str]],
 ) -> list[ObjectTable]:
-    """Make a table of the objects of each type, which are next to each other."""
+    """Make a table of the objects of each type, which are adjacent."""
     cells: defaultdict[int, defaultdict[_Key, list[str]]] = defaultdict(lambda: defaultdict(list))
     for id_, key, text in said:
         cells[id_][key].append(text)
@@ -179,7 +179,7 @@ def _tables(
 def read_objects_page(
     state: State, type_: str | None = None, after: str | None = None, limit: int = 100
 ) -> ObjectsPage:
-    """Read a page of the objects of a state, with what is said of them."""
+    """Read a page of the objects of a state, with their facts and values."""
     place = read_place(after, (str, str))
     if type_ is not None:
         refuse_unknown(state.store, type_, "type")

@@ -1,4 +1,4 @@
-"""How much a knowledge base holds, and who made a range of its revisions."""
+"""Counts of a state, and of a range of revisions by actor and kind."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .moments import find_bounds
 
 
 class Overview(NamedTuple):
-    """How much a state holds."""
+    """The counts of a state."""
 
     objects: int
     facts: int
@@ -46,12 +46,12 @@ def _counts(at: ColumnElement[int] | None) -> Query:
     )
 
 
-# By whether it is about the past.
+# Keyed by whether it is about the past.
 _COUNTS = {True: _counts(THEN), False: _counts(None)}
 
 
 def read_overview(state: State) -> Overview:
-    """Count what a state holds, in one statement."""
+    """Count the elements of a state, in one statement."""
 
     def work(view: View) -> Overview:
         (row,) = view.rows(_COUNTS) or [(0, 0, 0, 0)]
@@ -61,7 +61,7 @@ def read_overview(state: State) -> Overview:
 
 
 class ActorTally(NamedTuple):
-    """How much one actor wrote.
+    """The revisions of one actor.
 
     Attributes:
         actor: its name; None for revisions without one.
@@ -77,14 +77,14 @@ class ActorTally(NamedTuple):
 
 
 class Tally(NamedTuple):
-    """Who made a range of revisions, and how much they changed."""
+    """The actors and changes of a range of revisions."""
 
     first: int  # the first revision of the range
     last: int  # the last one; below `first` in an empty range
     actors: int  # how many actors there are
     busiest: tuple[ActorTally, ...]  # the actors with the most revisions
     changes: tuple[tuple[str, str, int], ...]  # how many changes of each kind and sign
-    archived: int  # what ended up to this revision is in an archive, and is not counted
+    archived: int  # versions that ended up to this revision are in an archive, and not counted
 
 
 _REVISIONS = func.count().label("revisions")

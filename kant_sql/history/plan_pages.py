@@ -1,4 +1,4 @@
-"""Recorded plans by pages: the plans, and the steps that name an action or objects."""
+"""Pages of recorded plans, and steps that name an action or objects."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..store.snapshot import read_position
 from ..store.state import State
 from .revisions import LARGEST, Revision, read_numbered
 
-# Steps of plans that are looked through for objects that more of them name.
+# Steps to search if more of them name an object.
 SEARCHED_STEPS = 5_000
 
 
@@ -41,7 +41,7 @@ class StepLine(NamedTuple):
 
 
 _STEPS_SHOWN = 20
-# Objects that steps are looked for by.
+# Objects by which steps are found, at most.
 MOST_OBJECTS = 5
 _STEP, _ARGUMENT = table_of(ExecutionRow), table_of(ExecutionArgumentRow)
 
@@ -50,14 +50,14 @@ def _named(step: Any, place: int) -> ColumnElement[bool]:
     """Return whether a step names an object."""
     argument = _ARGUMENT.alias(f"argument{place}").c
     own = argument.plan_id == step.plan_id, argument.position == step.position
-    # An expression has no index: an object may be in many steps, a step has few arguments.
+    # An expression uses no index: an object may be in many steps, but a step has few arguments.
     is_named = argument.object_id + constant(0) == integer(f"object{place}")
     found: Select[Any] = select(constant(1)).where(argument.kb_id == KB, *own, is_named)
     return found.exists()
 
 
 def _shown(places: Any) -> Query:
-    """Read the newest of some steps, with what became of them."""
+    """Read the newest of some steps, with their outcomes."""
     newest = places.order_by(
         places.selected_columns.plan_id.desc(), places.selected_columns.position.desc()
     )
@@ -104,7 +104,7 @@ def _uses(number: int) -> Query:
 
 
 def _ids(session: Session, kb_id: int, kind: str, names: Iterable[str]) -> list[int]:
-    """Find the ids of names; none if one never was."""
+    """Find the ids of names; none if one never existed."""
     keys = [fold(name) for name in islice(dict.fromkeys(names), MOST_OBJECTS)]
     if not all(map(is_word, keys)):
         return []
@@ -114,7 +114,7 @@ def _ids(session: Session, kb_id: int, kind: str, names: Iterable[str]) -> list[
 
 
 def read_steps(session: Session, kb_id: int, kind: str, names: Iterable[str]) -> list[StepLine]:
-    """Read the newest steps that name all of some objects, or that are of an action."""
+    """Read the newest steps that name all of some objects, or of an action."""
     # It takes three statements at most.
     ids = _ids(session, kb_id, kind, names)
     if not ids:
@@ -142,9 +142,9 @@ class PlanLine(NamedTuple):
         planner: the planner's name.
         objective: the metric.
         value: the objective's value, as text.
-        status: what the planner said.
-        steps: how many steps it has.
-        outcomes: how many steps have each status; those without one were not started.
+        status: the status reported by the planner.
+        steps: the number of its steps.
+        outcomes: the number of steps with each status; the others were not started.
     """
 
     plan: int
@@ -185,7 +185,7 @@ class PlansPage(NamedTuple):
 
     Attributes:
         plans: the plans.
-        before: the id before which the next page goes on; None after the last.
+        before: the id before which the next page continues; None after the last.
     """
 
     plans: list[PlanLine]
@@ -223,7 +223,7 @@ class Stretch(NamedTuple):
 def read_stretches(
     state: State, bounds: Sequence[tuple[int, int | None]], limit: int
 ) -> list[Stretch]:
-    """Read the last revisions of each stretch, in two statements; one without an end is open."""
+    """Read the last revisions of each stretch, in two statements; a stretch may have no end."""
 
     def work(session: Session, kb_id: int) -> list[Stretch]:
         if not bounds:

@@ -1,6 +1,6 @@
-"""What begins with a past state: its return to the present, and a knowledge base of its own.
+"""Restoring a past state, and branches that begin with one.
 
-In a branch each element keeps its id, so that both knowledge bases list theirs in one order and
+In a branch each element keeps its id, so both knowledge bases list elements in the same order and
 write the same documents.
 """
 
@@ -35,7 +35,7 @@ logger = logging.getLogger("kant_sql.history")
 
 
 def _moved(atoms: AtomTables, *names: str) -> Query:
-    """Select the versions that held then and ended since, and those that began since and hold."""
+    """Select versions that held then and ended since, and versions that began since and hold."""
     version = atoms.version.c
     columns = version[atoms.owner].label("owner"), *(version[name] for name in names)
     past: Select[Any] = select(constant(1).label("past"), *columns)
@@ -62,8 +62,8 @@ def restore(
 ) -> int | None:
     """Restore a past state as a new revision.
 
-    The history is kept, so a restoration can itself be undone. Recorded plans and archives
-    belong to no state, and stay.
+    You lose nothing, and another restore undoes it. Recorded plans and archives belong to no state,
+    and stay.
 
     Args:
         when: a revision, given as for `kb.at`.
@@ -71,7 +71,7 @@ def restore(
         actor: who restores; by default the knowledge base's actor.
 
     Returns:
-        The new revision; None when the states are equal, or within an open transaction.
+        The new revision; None if the states are equal, or within an open transaction.
 
     Raises:
         UnknownRevisionError: there is no such revision yet, or the time lies in the future or
@@ -123,7 +123,7 @@ def _restore_propositions(transaction: Transaction, at: int, is_new: bool) -> No
     """Restore propositions; a new transaction has no pending ones, so the tables are current."""
     propositions = transaction.propositions
     moved = transaction.session.stream(_MOVED_PROPOSITIONS, kb=transaction.kb_id, at=at)
-    # By proposition id: the revision since which its version holds; None without one.
+    # Proposition id -> the revision since which its version holds; None without one.
     differing: dict[int, int | None] = {}
     for id_, rows in groupby(moved, key=itemgetter(1)):
         (past, _, since), *others = rows
@@ -164,14 +164,14 @@ def _read(transaction: Transaction, query: Query, ids: list[int]) -> list[Row]:
 
 
 def _held(atoms: AtomTables, any_owner: Any, *names: str) -> dict[bool, Select[Any]]:
-    """Select columns of the versions that hold, by whether it is about the past."""
+    """Select columns of live versions, keyed by whether it is about the past."""
     version = atoms.version.c
     rows = select(*(version[name] for name in (atoms.owner, *names))).where(version.kb_id == KB)
     return {past: rows.where(held) for past, held in now_and_then(version, any_owner)}
 
 
 def _held_identities(atoms: AtomTables, any_owner: Any) -> dict[bool, Query]:
-    """Make queries of the identities of those versions."""
+    """Make queries of the identities of these versions."""
     id_, identities = atoms.identity.c.id, atoms.identities()
     held = _held(atoms, any_owner)
     return {past: Query(identities.where(in_rows(id_, ids))) for past, ids in held.items()}
@@ -187,7 +187,7 @@ _HELD_VALUES = {
 class Origin(NamedTuple):
     """The state that a branch begins with."""
 
-    parent: str  # the knowledge base that it is of
+    parent: str  # the knowledge base of the state
     revision: int  # the revision; 0 before the first
     hash: str | None  # the hash of that revision; None before the first
     definitions: Definitions  # all that is defined

@@ -32,18 +32,18 @@ LAST_MOMENT = datetime.max.replace(tzinfo=UTC)
 
 OLDEST_FIRST = Query(REVISIONS.where(in_range(RevisionRow.number)).order_by(RevisionRow.number))
 _ARCHIVED = select(HeadRow.archived_revision).where(HeadRow.kb_id == KB).scalar_subquery()
-# With the bound of what is in an archive, where a page of the log ends.
+# With the archived revision, where a page of the log ends.
 WITH_ARCHIVED = REVISIONS.add_columns(_ARCHIVED.label("archived"))
 _NUMBERED = Query(WITH_ARCHIVED.where(in_list(RevisionRow.number, "numbers")))
 _MANY_NUMBERED = Query(select(*found_rows(WITH_ARCHIVED, RevisionRow.number, "numbers").c))
 # PostgreSQL plans a list parameter generically for ten values. For a shorter list a custom plan
-# looks cheaper, so it plans each call, which takes longer than the query. For each of a long list
-# it may go through all revisions.
+# looks cheaper, so it plans each call, which takes longer than the query. For each item of a long
+# list it may read all revisions.
 SHORTEST_LIST, LONGEST_LIST = 11, 200
 
 
 class ExecutionId(NamedTuple):
-    """The execution that was running: a step of a recorded plan, or an act without a plan.
+    """The running execution: a step of a recorded plan, or an act without a plan.
 
     Attributes:
         plan: the plan's id; None without a plan.
@@ -65,12 +65,12 @@ class Revision:
 
     Attributes:
         number: 1, 2, 3 ... without gaps.
-        committed_at: when, by the store's clock, in UTC; it never goes back.
+        committed_at: the time of the commit by the store's clock, in UTC; it never goes back.
         observed_at: when its knowledge was sensed, in UTC; None if not given.
         actor: the component that wrote.
         reason: why.
         source: where the knowledge came from, as JSON values.
-        execution: the execution that was running, as the writer said.
+        execution: the running execution, if the writer named it.
         hash: the SHA-256 that chains it to the revision before.
     """
 
@@ -93,7 +93,7 @@ class Revision:
         )
 
     def said(self) -> list[str]:
-        """Return who, why and the source, as far as they were given."""
+        """Return the given metadata: who, why and the source."""
         said = self.actor, self.reason, self.source_text
         return [one for one in said if one is not None]
 
@@ -122,14 +122,14 @@ def why_of(revision: Revision | None) -> tuple[str | None, str | None, object]:
 
 @dataclass(frozen=True)
 class Version(html.OneRow):
-    """An element from the revision that asserted it until the one that retracted it.
+    """An element, from the revision that asserted it until the one that retracted it.
 
     Attributes:
         kind: a kind, as in `Change`.
         text: the element's canonical PDDL text.
         since: the revision that asserted it: by whom, when and why.
         until: the revision that retracted it; None while it holds.
-        confirmed: of a fact, the last revision that confirmed it while it held, up to the state.
+        confirmed: for a fact, the last revision that confirmed it while it held, up to the state.
         acts: for a fact or a value, the ids of the executions that asserted it.
     """
 
@@ -163,7 +163,7 @@ class Version(html.OneRow):
 
 @dataclass(frozen=True)
 class LogEntry:
-    """A revision and its changes, one for each element that was asserted or retracted.
+    """A revision and its changes, one for each asserted or retracted element.
 
     Attributes:
         revision: the revision.
@@ -195,7 +195,7 @@ def at_most(limit: int | None) -> int:
 def feed(
     store: Store, read: Callable[[int | None], Iterator[LogEntry]], limit: int | None
 ) -> Iterator[LogEntry]:
-    """Return what `read` finds up to a limit; notebooks show the first, which they read afresh."""
+    """Return an iterator of a limited read; notebooks show the first items, read separately."""
     return html.Feed(lambda most: _while_open(store, read(most)), limit, noun="revision")
 
 
@@ -223,7 +223,7 @@ def refuse_archived_revision(store: Store, revision: int) -> None:
 
 
 def revision_of(number: ColumnElement[int]) -> tuple[ColumnElement[Any], ...]:
-    """Select what `make_revision` reads, for a revision named by a column of the outer query."""
+    """Select the columns for `make_revision`, of a revision named by the outer query."""
     both = (RevisionRow, OWN_COLUMNS), (RevisionExecutionRow, STEP_COLUMNS)
     return tuple(
         looked_up(column, table_of(of).c.number, number)
@@ -304,7 +304,7 @@ def read_page(session: Session, kb_id: int, low: int, high: int) -> list[LogEntr
 def collect(
     lines: Iterator[tuple[int, Change]], most: int
 ) -> tuple[dict[int, tuple[Change, ...]], int | None]:
-    """Group changes by revision; return the revision that the limit cuts off, too, if any."""
+    """Group changes by revision; also return the revision that the limit cuts off, if any."""
     changes: dict[int, tuple[Change, ...]] = {}
     count = 0
     for number, of_number in groupby(lines, key=itemgetter(0)):

@@ -1,7 +1,7 @@
-"""Parts of a state, a page at a time: what held, since when, and what has just gone.
+"""Pages of a state: its elements, since when they hold, and elements just retracted.
 
-A page costs the same in a state of a million facts: what is long is counted up to a bound, and is
-then read in the order of an index instead of that of the texts.
+A page costs the same in a state of a million facts: long parts are counted up to a bound, and then
+read in the order of an index instead of that of the texts.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ from ..store.state import State
 from .moments import head_revision, state_at
 from .revisions import Revision, read_numbered
 
-# What is counted exactly, what is sorted by its text, and what is searched for a text at a time.
+# Limits: rows counted exactly, rows sorted by text, and rows searched for a text per page.
 COUNTED, SORTED, SEARCHED = 20_000, 10_000, 10_000
 _BY_TEXT = (str,)
-# How many of what has just gone are read, of each state.
+# Retracted elements that are read, for each state.
 GONE = 200
 _NAMED = ("object", "type", "predicate", "function", "action", "rule")
-# The parts of a state, in the order in which they are shown.
+# The parts of a state, in the order of display.
 PARTS = {
     FACT: "Facts",
     GOAL: "Goals",
@@ -79,11 +79,11 @@ assert {*PARTS} == {FACT, VALUE, *_NAMED, *DOMAIN_SECTIONS, *PROBLEM_SECTIONS}
 
 
 class StateFilter(NamedTuple):
-    """Which elements of a state are asked for; all conditions apply."""
+    """A filter of the elements of a state; all conditions apply."""
 
-    text: str | None = None  # what their text contains, in any case
-    predicate: str | None = None  # the predicate or the function that they are of
-    object: str | None = None  # the object that they name
+    text: str | None = None  # a part of their text, ignoring case
+    predicate: str | None = None  # their predicate or function
+    object: str | None = None  # an object that they name
 
 
 class HeldElement(NamedTuple):
@@ -107,15 +107,14 @@ class StatePart(NamedTuple):
 
     Attributes:
         kind: the kind, one of `PARTS`.
-        title: what to call them.
+        title: their title.
         elements: the elements.
         gone: those that the state's revision retracted, `GONE` at most.
-        total: how many there are, as far as they are counted.
+        total: their number, as far as they are counted.
         is_counted: whether `total` counts all.
-        is_searched: whether the text was looked for in a part of them only: those from `offset` on,
-            before `end`.
-        offset: how many come before the page.
-        end: how many come before the next page.
+        is_searched: whether the text was searched only in those from `offset` on, before `end`.
+        offset: the number before the page.
+        end: the number before the next page.
         next: the value of `after` for the next page; None after the last.
     """
 
@@ -171,10 +170,10 @@ class _Shape(NamedTuple):
     has_text: bool = False
     has_predicate: bool = False
     has_object: bool = False
-    after: tuple[type, ...] = ()  # the types of the place that a page begins at
+    after: tuple[type, ...] = ()  # the types of the columns of a page's position
 
 
-# The parameter that has the id of the predicate or the function.
+# The parameter with the id of the predicate or the function.
 _HEADS = {PROPOSITION: "predicate", VALUE: "function"}
 _SIZE, _SKIP = integer("size"), integer("skip")
 
@@ -185,16 +184,16 @@ def _lines(columns: VersionColumns) -> Select[Any]:
 
 
 def _keyed(lines: Select[Any], key: Sequence[Any]) -> Select[Any]:
-    """Add the columns that lines are ordered by."""
+    """Add the columns of the order."""
     return lines.add_columns(*(column.label(f"key{n}") for n, column in enumerate(key)))
 
 
 def _after(columns: Sequence[Any], shape: _Shape, *fixed: Any) -> list[ColumnElement[bool]]:
-    """Return the condition that a line comes after the place where a page begins, if any."""
-    # `fixed` is a column that follows the first one in the index, and its value.
+    """Return the condition that a line comes after the position of a page, if any."""
+    # `fixed` is the column after the first one in the index, with its value.
     if not shape.after or shape.after == _BY_TEXT:
         return []
-    # What has no argument or no end: others that are equal so far have none, either.
+    # A missing argument or end: other rows that are equal so far lack it, too.
     kept = [n for n, one in enumerate(shape.after) if one is int]
     own, values = [columns[n] for n in kept], [integer(f"key{n}") for n in kept]
     own[1:1], values[1:1] = fixed[:1], fixed[1:]
@@ -227,13 +226,13 @@ def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
     if shape.has_predicate:
         conditions.append(owner == integer(_HEADS[source]))
     if shape.is_past:
-        # Goals have an index of their own.
+        # Goals have their own index.
         is_found = shape.has_predicate or shape.kind == GOAL
         conditions.append(held_then(version) if is_found else held_by(source, version, THEN))
         first = [version.first_object_id] if source == PROPOSITION else []
         key = [owner, version.fork, *first, version.since, version.until, columns.owner]
         order = key
-        # An expression has no index: what held then is found by its forks.
+        # An expression uses no index: find past versions by their forks.
         conditions += _after([owner + constant(0), *key[1:]], shape)
     else:
         conditions.append(version.until.is_(None))
@@ -248,7 +247,7 @@ def _of_atoms(source: str, shape: _Shape) -> Select[Any]:
 
 
 def _is_wanted(version: Any, shape: _Shape) -> ColumnElement[Any]:
-    """Return whether a version is of a goal or of a fact, as asked."""
+    """Return whether a version belongs to a goal, or to a fact."""
     if shape.kind == GOAL:
         # As the partial index of goals has it.
         is_goal: ColumnElement[Any] = version.is_goal
@@ -256,30 +255,31 @@ def _is_wanted(version: Any, shape: _Shape) -> ColumnElement[Any]:
     if shape.has_predicate or shape.is_past:
         is_fact: ColumnElement[Any] = version.is_goal == constant(False)
         return is_fact
-    # SQLite takes what equals a constant out of the order, which then is not that of the index.
+    # SQLite drops a column that equals a constant from the order, which then differs from the
+    # index.
     return literal_column("(NOT proposition_version.is_goal)")
 
 
 def _of_object(source: str, shape: _Shape) -> Select[Any]:
-    """Select facts, goals or values that name an object: of each, one version is looked up."""
+    """Select facts, goals or values that name an object: look one version up for each."""
     tables, version = ATOM_TABLES[source], VERSION_COLUMNS[source].version
     table, arguments, id_ = tables.identity, tables.arguments.c, tables.owner
     atom = table.c
     mentioning = select(arguments[id_]).where(
         arguments.kb_id == KB, arguments.object_id == integer("object")
     )
-    # In the order of an index: what is beyond the bound is always the same.
+    # In the order of an index: the bound always cuts off the same rows.
     mentioning = first_rows(mentioning.order_by(arguments[id_]), SEARCHED)
     own = select(version.since).where(version.kb_id == KB, version[id_] == atom.id)
     is_open: ColumnElement[bool] = version.until.is_(None)
     if shape.is_past:
         own, is_open = own.where(version.since <= THEN), or_(is_open, version.until > THEN)
-    # The last one: by its end, an index of all predicates would be read without statistics.
+    # The last one: without statistics, an index of all predicates would be read by `until`.
     own = own.with_only_columns(case((is_open, version.since))).order_by(version.since.desc())
     since = first_rows(own, 1).correlate(table).scalar_subquery()
     conditions: list[Any] = [atom.kb_id == KB, in_rows(atom.id, mentioning)]
     if source == PROPOSITION:
-        # As an expression, which has no index: SQLite would read all atoms by it.
+        # As an expression, which uses no index: SQLite would read all atoms by it.
         conditions.append(
             literal_column(f"({'' if shape.kind == GOAL else 'NOT '}proposition.is_goal)")
         )
@@ -325,7 +325,7 @@ def _words(text: Any) -> ColumnElement[str]:
 
 
 def _selects(shape: _Shape) -> list[Select[Any]]:
-    """Return what makes a part: goals are atoms or formulas."""
+    """Return the selects of a part: goals are atoms or formulas."""
     source = {FACT: PROPOSITION, GOAL: PROPOSITION, VALUE: VALUE}.get(shape.kind)
     found = []
     if source is not None:
@@ -355,7 +355,7 @@ def _counts(shapes: tuple[_Shape, ...]) -> Query:
 
 @lru_cache(maxsize=256)
 def _sorted(shape: _Shape) -> Query:
-    """Read a part in the order of its texts, and count what is found."""
+    """Read a part in the order of its texts, and count its rows."""
     parts = [each.order_by(None) for each in _selects(shape)]
     parts = [each.with_only_columns(*[*each.selected_columns][:3]) for each in parts]
     part = (parts[0] if len(parts) == 1 else union_all(*parts)).subquery("part").c
@@ -373,14 +373,14 @@ def _sorted(shape: _Shape) -> Query:
 
 @lru_cache(maxsize=256)
 def _indexed(shape: _Shape) -> Query:
-    """Read a part that is long in the order of an index, or look for a text in some of it."""
-    # A row has the columns of the key after kind, text and revision. Those of a search have, too,
-    # whether the text is in them, and their place; the last that was searched is among them.
+    """Read a long part in the order of an index, or search for a text in some of it."""
+    # A row has the columns of the key after kind, text and revision. Rows of a search also have
+    # whether the text is in them, and their position; the last searched row is among them.
     (lines,) = _selects(shape)
     by_version = shape.kind == FACT and not shape.has_object
     size = constant(SEARCHED) if shape.has_text else _SIZE
     if by_version:
-        # Texts of the page alone: PostgreSQL computes the columns of the rows before it, too.
+        # Texts of the page only: PostgreSQL also computes the columns of skipped rows.
         version = VERSION_COLUMNS[PROPOSITION].version
         key = [*lines.selected_columns][3:]
         ids = lines.with_only_columns(version.proposition_id.label("id"), version.since, *key)
@@ -409,14 +409,14 @@ _GONE = Query(union_all(*(_gone_of(name) for name in VERSION_COLUMNS if name != 
 
 
 class _Question(NamedTuple):
-    """What is asked of a state, with the ids of the names in it."""
+    """A question about a state, with the ids of the names in it."""
 
     asked: StateFilter  # the conditions
     at: int | None  # the revision; None for the present
     parameters: dict[str, Any]  # the parameters of its statements
 
     def shapes(self, kinds: Iterable[str]) -> tuple[_Shape, ...]:
-        """Return the conditions of the parts that may have any of it."""
+        """Return the conditions of the parts that may have matching elements."""
         _, predicate, object_ = self.asked
         has_names = predicate is not None or object_ is not None
         return tuple(
@@ -427,7 +427,7 @@ class _Question(NamedTuple):
 
 
 def _question(session: Session, kb_id: int, asked: StateFilter, at: int | None) -> _Question:
-    """Find the ids of names; -1 for one that never was."""
+    """Find the ids of names; -1 for a name that never existed."""
     parameters: dict[str, Any] = {"kb": kb_id} if at is None else {"kb": kb_id, **then(session, at)}
     names = {"predicate": asked.predicate, "function": asked.predicate, "object": asked.object}
     for kind, name in names.items():
@@ -446,7 +446,7 @@ def read_state(
     when: When | None,  # which state; None for the present
     asked: StateFilter,
     kind: str | None = None,  # one of `PARTS`; None for the beginning of each
-    after: str | None = None,  # where the page of a kind begins: `next` of the last one
+    after: str | None = None,  # the position of the page of a kind: `next` of the last one
     limit: int = 200,
 ) -> StatePage:
     """Read a page of a state."""
@@ -508,7 +508,7 @@ def _read_part(
     is_counted, has_text = total <= COUNTED, question.asked.text is not None
     shape = shape._replace(has_text=has_text, after=place.types)
     own = {**question.parameters, "size": limit + 1, **place.of("key")}
-    # Goals are atoms and formulas, which no index has together.
+    # Goals are atoms and formulas, which share no index.
     by_text = place.types == _BY_TEXT if place.key else total <= SORTED or shape.kind == GOAL
     rows = session.rows((_sorted if by_text else _indexed)(shape), **own)
     page, end = rows[:limit], None
@@ -536,7 +536,7 @@ def _read_part(
 def _read_gone(
     session: Session, kb_id: int, revision: int, asked: StateFilter, kinds: Iterable[str]
 ) -> list[Row]:
-    """Read what a revision retracted, as far as it is asked for."""
+    """Read the matching elements that a revision retracted."""
     wanted = frozenset(kinds)
     names = {fold(name) for name in (asked.predicate, asked.object) if name is not None}
     gone = [

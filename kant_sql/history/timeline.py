@@ -1,7 +1,8 @@
-"""A timeline: the facts, goals, values and plans of a window, bounded however much happened.
+"""A timeline: the facts, goals, values and plans of a window, in bounded size.
 
-A lane with few versions in the window has a bar for each. Of one with many, those that last for a
-whole slice of the window are bars, and the others are counted by the slice that they began in.
+A lane with few versions in the window has a bar for each. In a lane with many, versions that last
+for a whole slice of the window are bars, and shorter ones are counted in the slice in which they
+began.
 """
 
 from __future__ import annotations
@@ -51,11 +52,11 @@ from .window import (
     read_window,
 )
 
-# What one answer has at most, whatever the number of lanes: bars of lanes that have few versions,
-# slices of the others, and the versions that are counted in those.
+# Limits of one answer, whatever the number of lanes: bars of lanes with few versions, slices of the
+# others, and versions counted in these.
 BARS, CELLS, COUNTED = 4_000, 15_000, 150_000
-# What held since this part of the window seems to have held since its beginning. Of what never
-# changed, so many lanes are looked for.
+# A version that began within this first part of the window counts as held since its beginning; the
+# number of unchanged lanes to look for.
 FIRST, MOST_FOLDED = 600, 5_000
 
 
@@ -76,11 +77,11 @@ def timeline(
 ) -> Timeline:
     """Read the facts, goals, values and executions in a window of time, in bounded size.
 
-    A lane is a fact, a goal or a fluent that held at some time of the window. If it changed
-    seldom, it has a bar for each version. If it changed often, versions that last for a slice
-    of the window, as wide as a pixel, are bars, and the others are counted by slice. Lanes that
-    held from the beginning of the window (its first six-hundredth) to its end are folded, unless
-    there are no others.
+    A lane is a fact, a goal or a fluent that held at some time in the window. If it changed seldom,
+    it has a bar for each version. If it changed often, versions that last for a whole slice of the
+    window, about a pixel, are bars, and shorter ones are counted by slice. Lanes that held from the
+    beginning of the window (its first six-hundredth) to its end are folded, unless there are no
+    others.
 
     A notebook draws the result; `svg` is the drawing as text.
 
@@ -89,25 +90,25 @@ def timeline(
             for the earliest period if that began before it.
         until: the end; None for the last revision. A time in the future counts as now.
         predicate: show lanes of this predicate or function.
-        object: show lanes with this object among the arguments, and steps of plans likewise.
-        text: show lanes whose text has this part, in any case, and steps of plans likewise.
+        object: show lanes and steps of plans with this object among the arguments.
+        text: show lanes and steps of plans whose text contains this, ignoring case.
         kinds: what to show: some of `fact`, `goal`, `value` and `plan`.
         lanes: the maximum number of lanes.
         after: `next` of the previous timeline, for the following lanes. Plans come with the first
             lanes.
-        unchanged: whether to show lanes that never changed, too.
-        slices: the number of slices of the window. There are fewer where many lanes have so
-            many versions that these are counted.
-        clock: `committed`, or `valid` for when facts and values were true, as known in this state.
-            Then bars of elements with sayings begin no earlier than the window, and their
-            revisions are those that said so.
+        unchanged: whether to show also lanes that never changed.
+        slices: the number of slices of the window. There are fewer if the versions of many lanes
+            must be counted.
+        clock: `committed`, or `valid` for the times when facts and values were true, as known in
+            this state. Then bars of elements with sayings begin no earlier than the window, and
+            their revisions are those of the sayings.
 
     Returns:
-        The timeline. A part that was moved to an archive is missing, as `archived_until` says.
+        The timeline. It lacks archived versions, up to `archived_until`.
 
     Raises:
         UnknownRevisionError: there is no such revision yet, or a time has no zone.
-        UnknownNameError: instead of no lane, if there never was such a predicate or object.
+        UnknownNameError: there never was such a predicate or object.
         InvalidArgumentError: the window ends before it begins, an argument is out of range, or
             there is no such clock.
 
@@ -131,14 +132,14 @@ def timeline(
             return Timeline(store.name, window.since, window.until, 0, 0, 1)
         valid = None
         if is_valid:
-            # What changes at the beginning of the window is true then.
+            # A change at the beginning of the window is already true then.
             begin = min(window.since + MICROSECOND, window.until)
             valid = ValidRange(begin, window.until, window.low, window.high, window.head)
         return _Reader(session, kb_id, window, question, valid).read(store.name)
 
     found = store.query_in_snapshot(work)
     if not (found.lanes or question.after):
-        # Plans are of no predicate, and may name what is no object.
+        # Plans have no predicate, and may have arguments that are no objects.
         refuse_unknown_names(store, predicate, None if found.plans else object)
     return found
 
@@ -151,7 +152,7 @@ def _valid_ends(
     until: Moment | None,
     upto: int | None,
 ) -> tuple[Moment, Moment | None]:
-    """Return the ends of a window of valid times, where a revision is the time of its commit."""
+    """Return the ends of a window of valid times; a revision means the time of its commit."""
     end = FIRST_MOMENT if until == 0 else until
     known = read_window(session, kb_id, store, (since, None), upto)
     if since:
@@ -163,7 +164,7 @@ def _valid_ends(
 
 
 class _Row(NamedTuple):
-    """A lane that was found, and the key of its source."""
+    """A found lane, and its key in the source."""
 
     kind: str
     found: FoundLane
@@ -175,13 +176,13 @@ def _shown_kind(source: str) -> LaneKind:
 
 
 def _weight(rows: Iterable[_Row]) -> int:
-    """Return how much the lanes take to count: for a number, its row is read beside the index."""
+    """Return the cost of counting the lanes: a number needs its row besides the index."""
     return sum(4 if row.kind == "value" else 1 for row in rows)
 
 
 @dataclass(eq=False)
 class _Reader:
-    """Reads a timeline in a number of statements that does not grow."""
+    """Reads a timeline in a fixed number of statements."""
 
     _session: Session
     _kb_id: int
@@ -238,7 +239,7 @@ class _Reader:
         )
 
     def _unfolded(self) -> tuple[list[_Row], str | None, tuple[int | None, bool]]:
-        """Find the lanes, the place of the next ones, and how many never changed."""
+        """Find the lanes, the position of the next ones, and the number of unchanged ones."""
         question, window = self._question, self._window
         if question.unchanged:
             return *self._find(None), (None, False)
@@ -254,7 +255,7 @@ class _Reader:
         return rows, following, self._lanes.count_unchanged(kinds, settled, MOST_FOLDED)
 
     def _find(self, settled: int | None) -> tuple[list[_Row], str | None]:
-        """Find the lanes, and the place after which the next ones come."""
+        """Find the lanes, and the position after which the next ones come."""
         question, sources = self._question, [*LANE_SOURCES]
         rows: list[_Row] = []
         first, place = question.after or (sources[0], LanePlace())
@@ -272,7 +273,7 @@ class _Reader:
         return rows, following
 
     def _divide(self, rows: Sequence[_Row]) -> tuple[list[_Row], list[_Row]]:
-        """Divide lanes into those whose versions are all bars, and those with too many."""
+        """Divide lanes into those with few versions, all bars, and those with too many."""
         sparse, room = [], BARS
         for row in sorted(rows, key=lambda row: row.found.began):
             room -= row.found.began + 1
@@ -287,7 +288,7 @@ class _Reader:
         return [since + length * n / self._slices for n in range(self._slices + 1)]
 
     def _cells(self, rows: Sequence[_Row], moments: Sequence[datetime]) -> dict[_Row, _Cells]:
-        """Count what began of lanes in each slice, in two statements."""
+        """Count the versions that began in each slice, in two statements."""
         window = self._window
         known = revisions_at(self._session, self._kb_id, moments)
         ends = [min(max(number, window.low), window.high) for number in known]
@@ -322,14 +323,14 @@ class _Reader:
         return versions
 
     def _periods(self, rows: Sequence[_Row]) -> dict[_Row, _Periods]:
-        """Read when that was true of which something was said, in five statements."""
+        """Read the valid periods of elements with sayings, in five statements."""
         span, window = self._valid, self._window
         assert span is not None
         of = {_key_of(row): row for row in rows}
         ids = [tuple(row.found.id for row in rows if row.kind == kind) for kind in (FACT, VALUE)]
         which = Subjects(facts=ids[0], values=ids[1])
         state, changes = read_valid(self._session, self._kb_id, which, span)
-        # Those that are true; a fluent ends where its next value begins.
+        # True periods; a value ends where the next one begins.
         begun = {key_of(one): (Instant(window.since, one.revision), one.value) for one in state}
         found: dict[_Row, list[_Period]] = {row: [] for row in rows}
         last: Instant | None = None
@@ -375,7 +376,7 @@ def _key_of(row: _Row) -> Key:
 
 
 class _Period(NamedTuple):
-    """When a fact was true, or a fluent had a value: since an instant, until another one."""
+    """A period in which a fact was true, or a fluent had a value."""
 
     since: Instant
     value: str | int | None
@@ -383,12 +384,12 @@ class _Period(NamedTuple):
 
     @property
     def lasts(self) -> bool:
-        """Whether it takes time."""
+        """Whether it is longer than an instant."""
         return self.until is None or self.since.time < self.until.time
 
     @property
     def revisions(self) -> list[int]:
-        """The revisions that said so."""
+        """The revisions that recorded its ends."""
         return [one.revision for one in (self.since, self.until) if one is not None]
 
     @property
@@ -399,18 +400,18 @@ class _Period(NamedTuple):
         return None
 
     def named(self, names: Mapping[int, str]) -> _Period:
-        """Return it with the name of the object that the value is."""
+        """Return it with the name of the object in place of its id."""
         return self._replace(value=names[self.value]) if isinstance(self.value, int) else self
 
 
-# Periods that are bars, and the densities of those that are too short.
+# The periods to show as bars, and the densities of shorter ones.
 _Periods = tuple[list[_Period], tuple[Density, ...]]
 
 
 def _gathered(
     periods: list[_Period], room: int, moments: Sequence[datetime], last: Instant | None
 ) -> _Periods:
-    """Make bars of periods; of more than there is room for, of those that last for a slice."""
+    """Make bars of periods; of too many, only of those that last for a slice."""
     # Nothing was read after the `last` instant.
     if len(periods) <= room and last is None:
         return periods, ()
@@ -452,19 +453,19 @@ def _bar(
 
 
 class _Cells(NamedTuple):
-    """What began of a lane, by slice."""
+    """The versions of a lane that began in each slice."""
 
-    ends: Sequence[int]  # the last revision before each slice, and that of the last one
-    enough: int  # how many versions of a slice are counted
+    ends: Sequence[int]  # the last revision before each slice, and the last revision of all
+    enough: int  # the number of versions counted in a slice
     cells: list[Cell | None]  # what began in each slice; None for nothing
 
     def is_capped(self, place: int) -> bool:
-        """Return whether the versions of a slice were not counted to the end."""
+        """Return whether counting of a slice ended at the limit."""
         cell = self.cells[place]
         return cell is not None and cell.began >= self.enough
 
     def spans(self, owner: int) -> list[LaneSpan]:
-        """Return where to look for versions that last for a slice: where none begins."""
+        """Return the slices in which no version begins: a version may last through these."""
         starts = [0]
         for n, cell in enumerate(self.cells):
             if cell is None and n and self.cells[n - 1] is not None:
@@ -478,7 +479,7 @@ def _thin_out(
     moments: Sequence[datetime],
     window: Window,
 ) -> tuple[list[FoundVersion], tuple[Density, ...]]:
-    """Make bars of the versions that last for a whole slice, and densities of the others."""
+    """Make bars of versions that last for a whole slice, and densities of the others."""
     ends = counted.ends
     counts = [0 if cell is None else cell.began for cell in counted.cells]
     bars = []
@@ -497,7 +498,7 @@ def _thin_out(
 def _merged(
     counts: Sequence[int], counted: _Cells, moments: Sequence[datetime]
 ) -> Iterator[Density]:
-    """Yield the densities of slices; those of facts that are equal side by side are one."""
+    """Yield the densities of slices; merge equal neighbouring ones of facts."""
     end = 0
     for n, count in enumerate(counts):
         if n < end or not count:

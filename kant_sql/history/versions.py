@@ -1,4 +1,4 @@
-"""The versions of an element, each from one revision until another, and what involves an object."""
+"""The versions of an element, and all that involves an object."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ from .elements import (
 )
 from .revisions import LARGEST, Revision, Version, make_revision, read_numbered, revision_of
 
-# Versions of what an object is in that are looked at, to find the newest.
+# Versions of elements with an object to examine for the newest, at most.
 INVOLVED = 20_000
-# Revisions that are searched for what an object is in, if that is more: first a few, then many.
+# With more versions, revisions to search for the object: first a few, then many.
 NEAR, WINDOW = 1_000, 20_000
 
 _OBJECT = integer("object")
-# Whose objects are in a table of their own, and the key that both tables share.
+# Tables whose objects are in another table, and the key that both share.
 _NAMING: tuple[tuple[VersionColumns, Any, tuple[str, ...]], ...] = (
     (VERSION_COLUMNS[PROPOSITION], table_of(t.PropositionArgumentRow).c, ("proposition_id",)),
     (VERSION_COLUMNS[VALUE], table_of(t.FunctionValueArgumentRow).c, ("function_value_id",)),
@@ -63,9 +63,9 @@ _NAMING: tuple[tuple[VersionColumns, Any, tuple[str, ...]], ...] = (
 def involving(
     object_: ColumnElement[int], most: int | None = None, by_revision: bool = False
 ) -> Iterator[tuple[VersionColumns, ColumnElement[bool]]]:
-    """Yield which versions involve an object, table by table; no version is in two of them."""
-    # Those of `most` elements of each kind are looked at, by default of all; `by_revision`, as the
-    # revisions are few, their versions are compared with the object.
+    """Yield the conditions of versions that involve an object, table by table, without overlap."""
+    # It examines `most` elements of each kind, by default all. With `by_revision`, if the revisions
+    # are few, it compares their versions with the object.
     own = VERSION_COLUMNS["object"]
     yield own, own.owner == object_
     for columns, arguments, key in _NAMING:
@@ -90,7 +90,7 @@ def _is_named(
     """Return whether a version names an object."""
     version = columns.version
     own = [arguments[part] == version[part] for part in key]
-    # An expression has no index: an object may be in many versions, which have few arguments.
+    # An expression uses no index: an object may be in many versions, which have few arguments.
     is_object = arguments.object_id + constant(0) == object_
     found: Select[Any] = select(constant(1)).where(arguments.kb_id == KB, *own, is_object)
     return found.correlate(version.kb_id.table).exists()
@@ -98,7 +98,7 @@ def _is_named(
 
 @cache
 def _versions_of_object() -> Query:
-    """Count the versions of what involves the object, up to a bound."""
+    """Count the versions that involve the object, up to a bound."""
     counts = []
     for columns, which in involving(_OBJECT, INVOLVED):
         some: Select[Any] = select(constant(1)).where(columns.version.kb_id == KB, which)
@@ -109,23 +109,23 @@ def _versions_of_object() -> Query:
 
 @cache
 def _involving(is_recent: bool) -> Query:
-    """Select the changes of what involves the object, newest first."""
+    """Select the changes that involve the object, newest first."""
     parts = []
     for columns, which in involving(_OBJECT, INVOLVED, by_revision=is_recent):
         for end in ends_of(columns):
-            # An expression has no index: what is found by ids is not looked for by revision.
-            # Nor is it read in the order of that index.
+            # An expression uses no index: rows found by ids are neither searched by revision nor
+            # read in the order of that index.
             number = end.revision if is_recent else end.revision + constant(0)
             parts.append(end.short_line(number, which, in_range(number)))
     return paged(parts)
 
 
 class Involvement(NamedTuple):
-    """A page of the changes of what involves an object, the newest first."""
+    """A page of the changes that involve an object, newest first."""
 
     changes: list[tuple[int, Change]]  # each with its revision
-    before: int | None  # the revision before which the next page goes on; None after the last
-    searched: int | None  # the first revision that was searched, if it is not the first of all
+    before: int | None  # the revision before which the next page continues; None after the last
+    searched: int | None  # the first searched revision, if it is not the first of all
 
 
 def read_involvement(
@@ -138,9 +138,9 @@ def read_involvement(
     *,
     whole: bool = False,
 ) -> Involvement:
-    """Read a page of what involves an object in some revisions, in at most three statements."""
-    # A page ends with a revision. One that alone has more changes is cut, or read with one more
-    # statement if it is wanted whole.
+    """Read a page of changes that involve an object, in at most three statements."""
+    # A page ends with a revision. A revision with more changes than a page is cut, or read with one
+    # more statement if it is wanted whole.
     own = {"kb": kb_id, "object": object_id}
     row = session.first(_versions_of_object(), **own)
     is_recent = row is not None and row[0] >= INVOLVED
@@ -174,14 +174,14 @@ def _versions(source: VersionColumns, owned: ColumnElement[bool]) -> Select[Any]
 
 
 def _newest_of(lookup: Lookup) -> Select[Any]:
-    """Select the newest versions of one identity: so many index steps, however many there are."""
+    """Select the newest versions of one identity, with a fixed number of index steps."""
     source = VERSION_COLUMNS[lookup.source]
     rows = _versions(source, source.owner == identity_of(lookup))
     newest_first = rows.order_by(source.version.since.desc())
     return select(first_rows(newest_first, integer("size")).subquery())
 
 
-# Only the lookups that may find it: planning and running all of them takes longer.
+# Only lookups that may match: planning and running all of them takes longer.
 @lru_cache(maxsize=64)
 def _newest(lookups: tuple[Lookup, ...], with_involved: bool, with_revision: bool) -> Query:
     parts = []
@@ -208,32 +208,32 @@ def read_newest(
     with_involved: bool = False,
     with_revision: bool = False,
 ) -> list[Row]:
-    """Read versions that began up to a revision: kind, text, since, until, owner; in any order."""
-    # Of each identity the newest are read, in one statement for names and one more for formulas; of
-    # an object, if asked for, all that involves it.
+    """Read versions that began up to a revision (kind, text, since, until, owner), in any order."""
+    # It reads the newest of each identity, in one statement for names and one more for formulas;
+    # for an object, if wanted, all that involves it.
     (lookups, parameters), rows = look_up(session, kb_id, wanted), list[Row]()
     for start in range(0, len(lookups), MOST_LOOKUPS):
         some = lookups[start : start + MOST_LOOKUPS]
         query = _newest(some, with_involved, with_revision)
         rows += session.rows(query, kb=kb_id, at=at, size=size, **parameters)
-    # Parts of a question may name one element.
+    # Several parts of a question may name the same element.
     return list(dict.fromkeys(rows))
 
 
 def history(state: State, element: Element) -> list[Version]:
-    """Read when an element held, and who asserted and retracted it.
+    """Read the versions of an element, and who asserted and retracted each.
 
     Args:
         element: a DTO (the value of a function value is ignored), a formula, PDDL text, or a
             name, which matches all definitions of that name. The text `(robot_at rb1 wp1)`
             matches the fact and the goal, `(battery rb1)` the values of the fluent; other texts
             are formulas, or definitions as the log shows them. The name or DTO of an object
-            matches all that involves it: facts, goals, values, formulas, actions and steps of
-            plans, too; `rb1 - robot` only its declaration.
+            matches all that involves it, including facts, goals, values, formulas, actions and
+            steps of plans; `rb1 - robot` matches only its declaration.
 
     Returns:
-        Its versions in this store, oldest first; empty for an unknown element. Archived
-        versions are not included.
+        Its versions in this store, oldest first, without archived ones; empty for a DTO or a
+        formula that never held.
 
     Raises:
         InvalidKnowledgeError: `element` is not one of the above.
@@ -259,7 +259,7 @@ def history(state: State, element: Element) -> list[Version]:
 def _query(
     store: Store, wanted: list[Sought], work: Callable[[Session, int], list[Version]]
 ) -> list[Version]:
-    """Read versions: revisions never change, so names need no common transaction."""
+    """Read versions: revisions never change, so the statements need no common transaction."""
     is_plain = len(wanted) <= MOST_LOOKUPS // len(NAMED_KINDS) and not any(
         isinstance(each, Written) for each in wanted
     )
@@ -270,14 +270,14 @@ def blame(state: State, element: Element) -> Version | None:
     """Show who asserted an element that holds now, when and why.
 
     Args:
-        element: as for `history`; of an object, its declaration.
+        element: as for `history`; an object means its declaration.
 
     Returns:
-        The version that holds, with the revision that asserted it in `since`; None when the
-        element does not hold. A text that matches a fact and a goal gives the fact.
+        The version that holds, with the revision that asserted it in `since`; None if the element
+        does not hold. For a text that matches a fact and a goal, the fact.
 
     Raises:
-        InvalidKnowledgeError: `element` is not valid, or matches several things that hold.
+        InvalidKnowledgeError: `element` is not valid, or matches several present elements.
 
     Examples:
         >>> kb.blame("(robot_at rb1 wp1)").since.actor
@@ -304,7 +304,7 @@ def _last_known(state: State) -> int:
 
 
 def _held(store: Store, wanted: list[Sought], at: int) -> list[Version]:
-    """Read the versions that hold, with their first revisions."""
+    """Read the present versions, with their first revisions."""
 
     def work(session: Session, kb_id: int) -> list[Version]:
         rows = read_newest(session, kb_id, wanted, at, 1, with_revision=True)
@@ -324,7 +324,7 @@ EFFECTIVE: list[Any] = [constant(outcome) for outcome in (RUNNING, SUCCEEDED)]
 
 
 def had_effect() -> Any:
-    """Whether an outcome is one with effects: looked up by its key, so that an index finds it."""
+    """Return whether an outcome has effects, by its key, so that an index finds it."""
     own = table_of(t.ExecutionVersionRow).alias("own").c
     key = (own[name] == _OUTCOME[name] for name in ("plan_id", "position", "since"))
     found = select(constant(1)).where(own.kb_id == KB, *key, own.outcome.in_(EFFECTIVE))
@@ -353,14 +353,14 @@ def last_confirmation(by_others: bool) -> Any:
 
 
 def _evidence() -> Select[Any]:
-    """Select who confirmed facts last, and the executions whose effects revisions have."""
-    # These are those that the revision records, and the one that it names.
+    """Select the last confirmations of facts, and the executions that revisions record or name."""
+    # The executions that the revision records, and the one that it names.
     none = constant(0)
     no_act = none.label("plan_id"), none.label("position")
     seen = last_confirmation(by_others=False).label("confirmed")
     held = select(_FACT.proposition_id, _FACT.since, seen).where(
         _FACT.kb_id == KB,
-        # What else these facts ever were may be much.
+        # These facts may have many other versions.
         InRange(_FACT.since, integer("low"), integer("high")),
     )
     its = found_rows(held, _FACT.proposition_id, "ids")
@@ -378,18 +378,18 @@ def _evidence() -> Select[Any]:
 
 
 _EVIDENCE = Query(_evidence)
-# What an act may change; only facts are confirmed.
+# The kinds that an act may change; only facts have confirmations.
 _EFFECTS = FACT, VALUE
 
 
 class Evidence(NamedTuple):
-    """What is known of when facts were seen, and of which acts they are effects."""
+    """Confirmations of facts, and the acts behind facts and values."""
 
-    confirmed: dict[tuple[int, int], Revision]  # id and `since` -> the last that confirmed it
-    acts: dict[int, tuple[str, ...]]  # the revision -> the ids of its acts
+    confirmed: dict[tuple[int, int], Revision]  # (id, since) -> the last confirmation
+    acts: dict[int, tuple[str, ...]]  # revision -> the ids of its acts
 
     def of(self, row: Row) -> tuple[Revision | None, tuple[str, ...]]:
-        """Return it for a version, as `read_newest` gives it."""
+        """Return the evidence for a version from `read_newest`."""
         if row[0] not in _EFFECTS:
             return None, ()
         seen = self.confirmed.get((row[4], row[2])) if row[0] == FACT else None

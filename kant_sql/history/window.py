@@ -1,4 +1,4 @@
-"""The question of a timeline, checked, its window, and what it has: bars of lanes and plans."""
+"""The arguments of a timeline, its window, and the bars of lanes and plans."""
 
 from __future__ import annotations
 
@@ -77,13 +77,13 @@ class Bar:
 
 @dataclass(frozen=True, slots=True)
 class Density:
-    """Versions on a timeline that are too short to be drawn, in one or more of its slices.
+    """Versions on a timeline that are too short to draw, in one or more of its slices.
 
     Attributes:
         begin: the beginning of the first slice, in UTC.
         end: the end of the last one.
-        count: how many versions began there, or more if `is_capped`.
-        is_capped: whether they were not counted to the end.
+        count: the number of versions that began there, or more if `is_capped`.
+        is_capped: whether counting ended at the limit.
         least: of a numeric fluent, the least of the counted numbers.
         largest: the largest one.
         last: the number at the end.
@@ -106,7 +106,7 @@ class Lane:
         kind: `fact`, `goal` or `value`.
         text: its canonical PDDL text; that of a fluent has no value.
         bars: when it held, oldest first.
-        densities: where it held too shortly to be drawn, oldest first.
+        densities: its versions that are too short to draw, oldest first.
     """
 
     kind: LaneKind
@@ -152,7 +152,7 @@ class StepBar:
 
 @dataclass(frozen=True, slots=True)
 class PlanBar:
-    """A recorded plan on a timeline, or last, with only steps, the executions without a plan.
+    """A recorded plan on a timeline; the last one has only steps: the executions without a plan.
 
     Attributes:
         id: its number in the knowledge base; None: no plan.
@@ -183,14 +183,14 @@ MOST_LANES, MOST_SLICES = 1_000, 10_000
 
 
 class TimelineQuestion(NamedTuple):
-    """What a timeline shows, checked."""
+    """The checked arguments of a timeline."""
 
     kinds: tuple[str, ...]  # the kinds of lanes, and `plan`
-    wanted: LaneFilter  # the names and the text, as the store compares them
-    lanes: int  # how many lanes at most
-    slices: int  # how many slices at most
-    after: tuple[str, LanePlace] | None  # the source and the place of the lane before the first
-    unchanged: bool  # whether lanes that never changed are shown, too
+    wanted: LaneFilter  # the names and the text as the store compares them
+    lanes: int  # the maximum number of lanes
+    slices: int  # the maximum number of slices
+    after: tuple[str, LanePlace] | None  # the source and the position of the lane before the first
+    unchanged: bool  # whether to show also lanes that never changed
 
 
 _AFTER = re.compile(r"(fact|goal|formula|value):([0-9]{1,18}):([0-9 ]*)")
@@ -206,7 +206,7 @@ def check_question(
     after: str | None,
     unchanged: bool,
 ) -> TimelineQuestion:
-    """Check what a timeline shows."""
+    """Check the arguments of a timeline."""
     flag(unchanged, "unchanged", InvalidArgumentError)
     if isinstance(kinds, str) or not isinstance(kinds, Iterable):
         raise refusal("kinds", "a list of kinds", kinds, InvalidArgumentError)
@@ -237,10 +237,10 @@ class Window(NamedTuple):
 
     since: datetime  # its beginning
     until: datetime  # its end
-    low: int  # the revision whose state it begins with
+    low: int  # the revision of the initial state
     high: int  # its last revision
-    head: int  # the last revision that is known
-    archived_until: datetime | None = None  # until when ended versions are missing
+    head: int  # the last known revision
+    archived_until: datetime | None = None  # versions that ended up to this time are missing
 
 
 _REVISION = table_of(RevisionRow).c
@@ -313,7 +313,7 @@ def read_window(
 
 
 def _moment(when: Moment | None, now: datetime, otherwise: datetime) -> datetime:
-    """Return the time of an end; one in the future counts as now."""
+    """Return the time of an end; a future time counts as now."""
     return min(clamped(when), now) if isinstance(when, datetime) else otherwise
 
 

@@ -1,4 +1,4 @@
-"""Ground atoms and fluents: what identifies them, what they are called, and what a fluent is."""
+"""Ground atoms and fluents: their keys, their texts, and values of fluents."""
 
 from __future__ import annotations
 
@@ -65,13 +65,13 @@ class GroundFluent(NamedTuple):
 
 
 class FluentValue(NamedTuple):
-    """What a fluent is."""
+    """The value of a fluent."""
 
     text: str  # the number, as exact decimal text, or the object's name
     object_id: int | None = None  # the object; None for a number
 
     def is_same(self, other: FluentValue | None) -> bool:
-        """Return whether a value is another one: 10 and 10.0 are the same number."""
+        """Return whether two values are equal: 10 and 10.0 are the same number."""
         if other is None or self.object_id != other.object_id:
             return False
         if self.text == other.text or self.object_id is not None:
@@ -80,7 +80,7 @@ class FluentValue(NamedTuple):
 
     @classmethod
     def of(cls, fluent: str, held: str, object_id: int | None) -> Self:
-        """Read it from its canonical text, where it stands between the fluent and the end."""
+        """Read it from the canonical text, after the fluent."""
         begin = value_text(fluent, "")[:-1]
         text = held[len(begin) : -1]
         with reading_rows("function_value_version", f"the value of {fluent!r}"):
@@ -90,7 +90,7 @@ class FluentValue(NamedTuple):
 
 
 class HeldValue(NamedTuple):
-    """A fluent and what it is."""
+    """A fluent and its value."""
 
     fluent: GroundFluent
     value: FluentValue

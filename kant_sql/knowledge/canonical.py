@@ -40,7 +40,7 @@ from .trees import ParameterDefinition
 
 D = TypeVar("D", bound=Definition)
 
-# The largest whole number that every reader of JSON takes as it is (RFC 8785, appendix D).
+# The largest whole number that every JSON reader keeps exact (RFC 8785, appendix D).
 _LARGEST_EXACT = 2**53 - 1
 
 
@@ -149,11 +149,11 @@ _TEXTS: dict[type[Any], Callable[[Definitions, Any], str]] = {
 
 # The form of new revisions; each revision stores and hashes its own.
 FORM = 2
-# Forms that are read: the first hashes texts, the second salted commitments to them.
+# Known forms: the first hashes texts, the second salted commitments to them.
 FORMS = 1, FORM
-# What metadata says in texts; the others are hashed as they are.
+# The texts of the metadata; the other fields are hashed as they are.
 SAID = "actor", "reason", "source"
-# Bytes of the random value of a revision, and of the salts derived from it.
+# Bytes of the seed of a revision, and of the salts derived from it.
 SEED = 16
 _BATCH = 1_000
 
@@ -175,7 +175,7 @@ class Metadata(NamedTuple):
 
 
 def time_text(moment: datetime) -> str:
-    """Write a time as SQLite stores it and as the hash covers it."""
+    """Write a time in the form that SQLite stores and the hash covers."""
     if moment.tzinfo is not UTC:
         moment = moment.astimezone(UTC)
     return moment.isoformat(timespec="microseconds")[:26] + "Z"
@@ -184,7 +184,7 @@ def time_text(moment: datetime) -> str:
 def text_time(text: str) -> datetime:
     """Read a time from the text that `time_text` writes."""
     moment = datetime.fromisoformat(text)
-    # What is in UTC already takes many times longer to convert than to read.
+    # Converting a time that is already in UTC takes many times longer than reading it.
     return moment if moment.tzinfo is UTC else moment.astimezone(UTC)
 
 
@@ -221,7 +221,7 @@ def read_source(text: str | None) -> Any:
 
 
 def _number(text: str) -> int | float:
-    """Read a number without a point: RFC 8785 writes large floats so, too."""
+    """Read a number without a point: RFC 8785 also writes large floats without one."""
     number = int(text)
     return number if abs(number) <= _LARGEST_EXACT else float(text)
 
@@ -229,7 +229,7 @@ def _number(text: str) -> int | float:
 def in_utc(
     name: str, moment: datetime | None, error: type[KantSqlError] = InvalidArgumentError
 ) -> datetime | None:
-    """Check a time that has a zone, and return it in UTC."""
+    """Check that a time has a zone, and return it in UTC."""
     if moment is None:
         return None
     if not isinstance(moment, datetime) or moment.utcoffset() is None:
@@ -243,12 +243,12 @@ def in_utc(
 
 
 def salt_of(seed: bytes, label: str, text: str) -> bytes:
-    """Derive the salt of a part of a revision; of a change, the label is its sign and its kind."""
+    """Derive the salt of a part of a revision; the label of a change is its sign and its kind."""
     return sha256(seed + f"{label}\0{text}".encode()).digest()[:SEED]
 
 
 def commit_to(salt: bytes, text: str) -> str:
-    """Return the commitment to a text, from which nobody can find it without the salt."""
+    """Return the commitment to a text: without the salt, nobody can find the text from it."""
     return sha256(salt + text.encode()).hexdigest()
 
 
@@ -264,7 +264,7 @@ def revision_hash(
 ) -> str:
     """Hash a revision, chained to the previous one, in constant memory.
 
-    Without a seed, it is of form 1.
+    Without a seed, the hash has form 1.
     """
     link = previous, knowledge_base, number, committed_at, metadata, form
     if seed is None:
@@ -290,7 +290,7 @@ def sealed_hash(
     changes: Iterable[tuple[str, str, str]],
     form: int = FORM,
 ) -> str:
-    """Hash a revision of form 2 of whose actor, reason, source and changes commitments are left."""
+    """Hash a revision of form 2 from commitments to its actor, reason, source and changes."""
     actor, reason, source = map(_json, said)
     lines = (f'["{sign}","{kind}","{commitment}"]' for sign, kind, commitment in changes)
     link = previous, knowledge_base, number, committed_at, metadata, form
@@ -298,7 +298,7 @@ def sealed_hash(
 
 
 def _seal(seed: bytes, label: bytes, text: str | None) -> str:
-    """Write the commitment to what was said of a revision: `salt_of` and `commit_to` in one."""
+    """Write the commitment to a text of the metadata: `salt_of` and `commit_to` in one."""
     if text is None:
         return "null"
     raw = text.encode()
@@ -307,11 +307,11 @@ def _seal(seed: bytes, label: bytes, text: str | None) -> str:
 
 
 def _sealed(seed: bytes, changes: Iterable[tuple[str, str, str]]) -> Iterator[str]:
-    """Write changes with a commitment to each text: the same for many."""
+    """Write changes with a commitment to each text: `_seal` for many."""
     last_sign = last_kind = begin = ""
     head = b""
     for sign, kind, text in changes:
-        # They are sorted: a text compares faster than it is looked up.
+        # They are sorted: comparing a text is faster than looking it up.
         if kind != last_kind or sign != last_sign:
             last_sign, last_kind = sign, kind
             head, begin = seed + f"{sign}{kind}\0".encode(), f'["{sign}","{kind}","'
@@ -325,7 +325,7 @@ _Link = tuple[str | None, str, int, str, Metadata, int]
 
 
 def _hash(link: _Link, said: tuple[str, str, str], lines: Iterator[str]) -> str:
-    """Hash the document of a revision whose texts are written as its form has them."""
+    """Hash the document of a revision, with its texts as its form requires."""
     previous, knowledge_base, number, committed_at, metadata, form = link
     actor, reason, source = said
     digest, text = sha256(), f'{{"actor":{actor},"changes":[{",".join(islice(lines, _BATCH))}'

@@ -1,4 +1,4 @@
-"""The definitions at one revision, in memory; found by id and by name."""
+"""The definitions at one revision, in memory, by id and by name."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ T = TypeVar("T")
 class Elements(Generic[D]):
     """The live definitions of one kind of element, and all known ids of the kind.
 
-    Threads share this snapshot; `evolve` makes the next one. Recent changes are kept apart from the
-    bulk: one change in a large knowledge base does not copy it.
+    Threads share this snapshot; `evolve` makes the next one. Recent changes are separate from the
+    bulk, so one change in a large knowledge base does not copy everything.
     """
 
     __slots__ = ("_base", "_delta", "ids")
@@ -51,7 +51,7 @@ class Elements(Generic[D]):
         base: dict[int, D] | None = None,
         delta: dict[int, D | None] | None = None,
     ) -> None:
-        # Folded name -> id. An identity is for ever, so all snapshots share one growing map.
+        # Folded name -> id. Identities are permanent, so all snapshots share one growing map.
         self.ids: dict[str, int] = {} if ids is None else ids
         self._base: dict[int, D] = base or {}
         self._delta: dict[int, D | None] = delta or {}
@@ -63,13 +63,13 @@ class Elements(Generic[D]):
         return self._base.get(id_)  # type: ignore[arg-type]
 
     def names(self, ids: Iterable[int]) -> dict[int, str]:
-        """Return the names that live references have."""
+        """Return the names of live elements."""
         changed, base = self._delta, self._base
         found = {id_: changed[id_] if id_ in changed else base.get(id_) for id_ in ids}
         return {id_: (element or self.live(id_)).name for id_, element in found.items()}
 
     def live(self, id_: int) -> D:
-        """Return the definition that a live reference has."""
+        """Return the definition of a live element."""
         definition = self.get(id_)
         if definition is None:
             raise StoreIntegrityError(
@@ -80,7 +80,7 @@ class Elements(Generic[D]):
     def named(self, name: str) -> D | None:
         """Return a live definition, by name in any spelling."""
         known = self.ids
-        # Most are folded already.
+        # Most are already folded.
         id_ = known.get(name) if type(name) is str else None
         return self.get(known.get(fold(name)) if id_ is None else id_)
 
@@ -95,7 +95,7 @@ class Elements(Generic[D]):
 
     @property
     def is_blank(self) -> bool:
-        """Whether nothing of the kind is live, as far as is seen at once."""
+        """Whether no element of the kind is live, as far as a quick check can tell."""
         return not (self._base or self._delta)
 
     def evolve(self, changes: Mapping[int, D | None]) -> Elements[D]:
@@ -121,7 +121,7 @@ class Elements(Generic[D]):
 
 
 class PendingElements(Elements[D]):
-    """The definitions within a transaction: its changes over those at its start."""
+    """The definitions within a transaction: its changes on top of those at its start."""
 
     __slots__ = ("changes", "interned", "origin", "unwritten")
 
@@ -143,7 +143,7 @@ class PendingElements(Elements[D]):
         return self._base.get(id_)  # type: ignore[arg-type]
 
     def names(self, ids: Iterable[int]) -> dict[int, str]:
-        """Return the names that live references have, pending ones included."""
+        """Return the names of live elements, including pending ones."""
         return {id_: self.live(id_).name for id_ in ids}
 
     def named(self, name: str) -> D | None:
@@ -163,11 +163,11 @@ class PendingElements(Elements[D]):
         return iter(self.evolved())
 
     def evolved(self) -> Elements[D]:
-        """Make the snapshot that holds once the transaction is committed."""
+        """Make the snapshot for after the commit."""
         return Elements(self.ids, self._base, self._delta)._changed(self.changes)
 
     def publish(self) -> Elements[D]:
-        """Make the snapshot after the commit, with the ids that were allocated."""
+        """Make the snapshot after the commit, with the allocated ids."""
         if not (self.interned or self.changes):
             return self.origin
         self.ids.update(
@@ -274,7 +274,7 @@ REPORT, REFUSE = "report", "refuse"
 
 
 class RuleDefinition(NamedTuple):
-    """A rule that is kept in the store, and what a violation of it does: `report` or `refuse`."""
+    """A kept rule, and its reaction to a violation: `report` or `refuse`."""
 
     id: int
     name: str
@@ -316,8 +316,8 @@ class DocumentDefinition(NamedTuple):
         return (item.name for item in self.items if item.section == section)
 
 
-# In the order in which they can be written: each refers to those before it only. The declared ones
-# are what the others mention by name.
+# In the order of writing: each kind refers only to earlier ones. The others mention the declared
+# kinds by name.
 DECLARED = ("type", "object", "predicate", "function")
 KINDS = (*DECLARED, "action", "formula", "rule", "document")
 _ATTRIBUTES = tuple(f"{kind}s" for kind in KINDS)
@@ -328,7 +328,7 @@ class LiteralTemplate(NamedTuple):
 
     Attributes:
         terms: for each term the id of an object, or the complement of a parameter's position.
-        time: the time of the literal; None in an action that is not durative.
+        time: the time of the literal; None in an instantaneous action.
     """
 
     predicate_id: int
@@ -338,7 +338,7 @@ class LiteralTemplate(NamedTuple):
 
 
 class ActionTemplate(NamedTuple):
-    """The content of an action's trees: reading them takes ten times as long as copying this."""
+    """The content of an action's trees: reading these takes ten times as long as copying it."""
 
     definition: ActionDefinition
     duration: int | float | Decimal | tuple[Node, ...]
@@ -351,11 +351,10 @@ class Definitions:
 
     Attributes:
         templates: cache of the templates of actions by id, shared with later snapshots.
-        guards: cache of what refusing rules forbid, shared with later snapshots, by what it is
-            made of.
-        derived: cache of what follows from this snapshot alone, by what computes it; a change
-            within a transaction clears it.
-        revision: a committed revision of which these are the definitions, where that is known.
+        guards: cache of the conditions that refusing rules forbid, shared with later snapshots.
+        derived: cache of results that depend on this snapshot alone, by the function that computes
+            them; a change within a transaction clears it.
+        revision: a committed revision with these definitions, if known.
     """
 
     types: Elements[TypeDefinition]
@@ -384,7 +383,7 @@ class Definitions:
         return elements
 
     def derive(self, compute: Callable[[Any], T]) -> T:
-        """Return what a function computes of this snapshot, which is kept with it."""
+        """Return the result of a function of this snapshot, and cache it here."""
         if compute not in self.derived:
             self.derived[compute] = compute(self)
         found: T = self.derived[compute]
@@ -401,7 +400,7 @@ class Definitions:
         return " ".join(ids)
 
     def names(self, arguments: str) -> list[str]:
-        """Return the names of the objects of a key of arguments."""
+        """Return the names of the objects in a key of arguments."""
         return [self.objects.live(int(id_)).name for id_ in arguments.split()]
 
     def ancestry(self, type_id: int) -> Iterator[TypeDefinition]:
@@ -431,7 +430,7 @@ class Definitions:
         """Return the index of the type hierarchy."""
         found = self._ancestry
         if found is None:
-            # Snapshots share it, so it holds the types alone.
+            # Snapshots share it, so it refers to the types only.
             found = self._ancestry = Ancestry(partial(_parents, self.types))
         return found
 
@@ -471,7 +470,7 @@ def _parents(types: Elements[TypeDefinition], type_id: int) -> tuple[int, ...]:
 
 
 class PendingDefinitions(Definitions):
-    """The definitions within a transaction; `origin` are those at its start."""
+    """The definitions within a transaction; `origin` has those at its start."""
 
     def __init__(self, origin: Definitions) -> None:
         # Most transactions use few kinds, so each is made on first use.
@@ -488,7 +487,7 @@ class PendingDefinitions(Definitions):
         return self.elements(name[:-1])
 
     def current(self) -> Definitions:
-        """Return the present definitions for immediate use: they may lack later changes."""
+        """Return the present definitions, for immediate use: they may lack later changes."""
         used = self._by_kind
         return self if used and any(each.changes for each in used.values()) else self.origin
 
@@ -506,7 +505,7 @@ class PendingDefinitions(Definitions):
         return super()._hierarchy() if types and types.changes else self.origin._hierarchy()
 
     def reshape(self, new_type: int | None = None) -> None:
-        """Forget the index of the type hierarchy, and what follows, before a change."""
+        """Clear the index of the type hierarchy, and derived results, before a change."""
         if self._ancestry is not None and new_type is not None:
             self._ancestry.forget(new_type)
         else:

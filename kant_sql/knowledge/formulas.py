@@ -1,4 +1,4 @@
-"""Expression trees, which refer to elements by id, and formulas, which name them."""
+"""Conversion between expression trees, which refer to elements by id, and formulas with names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .definitions import ActionDefinition, Definition, Definitions
 from .trees import ParameterDefinition, Tree, TreeNode, TreeTerm, children
 
 _Build = Callable[[TreeNode, tuple[Any, ...]], Any]
-# Operators that need only the node and its parts.
+# Operators that need nothing but the node and its parts.
 _BUILDERS: dict[str, _Build] = {
     kinds.NUMBER: lambda node, _: f.Number(Decimal(node.value or "")),
     kinds.VARIABLE: lambda node, _: f.Variable((node.value or "")[1:]),
@@ -57,7 +57,7 @@ class TreeReader:
         below = children(self._tree)
         # Descendants follow their node in preorder, so this needs no recursion.
         for node in reversed(self._tree):
-            # Function nodes that are the values of terms are read where the terms are.
+            # Function nodes that are the values of terms are read with the terms.
             values = {term.child for term in node.terms}
             parts = tuple(
                 self._read[child.position]
@@ -116,11 +116,11 @@ class TreeReader:
 
 
 class TreeWriter:
-    """Makes the trees of one element, of formulas that were checked when they were read.
+    """Makes the trees of one element from checked formulas.
 
     Args:
-        find: finds the definition of a kind that has a name.
-        parameters: the parameters of the action that they belong to.
+        find: finds the definition of a kind by name.
+        parameters: the parameters of the action, if any.
     """
 
     def __init__(
@@ -130,7 +130,7 @@ class TreeWriter:
     ) -> None:
         self._find = find
         self._nodes: list[TreeNode] = []
-        # What variables denote, innermost last.
+        # The meanings of variables, innermost last.
         self._scope: dict[str, list[TreeTerm]] = {
             fold(one.name): [TreeTerm(parameter=number)] for number, one in enumerate(parameters)
         }
@@ -206,7 +206,7 @@ class TreeWriter:
         self._nodes[position] = self._nodes[position]._replace(terms=made)
 
     def _term(self, term: Any, position: int) -> TreeTerm:
-        """Return a term; the nodes of its fluents are added."""
+        """Return a term; add the nodes of its fluents."""
         if isinstance(term, f.Variable):
             return self._scope[fold(term.name)][-1]
         if isinstance(term, f.Constant):
@@ -229,7 +229,7 @@ _QUANTIFIERS: dict[type, str] = {
 
 
 def _plain(node: Any) -> tuple[str, dict[str, str | None], Sequence[f.Node]]:
-    """Return the operator, the value and the parts of a node that has neither terms nor scope."""
+    """Return the operator, the value and the parts of a node without terms and scope."""
     match node:
         case f.Number(value):
             return kinds.NUMBER, {"value": decimal_text(value)}, ()

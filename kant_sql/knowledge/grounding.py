@@ -1,4 +1,4 @@
-"""Replacing variables of formulas, by objects or other nodes."""
+"""Replaces variables of formulas by objects or other nodes."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def bound(variables: Sequence[f.TypedName], names: Sequence[str]) -> dict[str, s
 
 
 def substitute(node: N, binding: Binding) -> N:
-    """Replace free variables by objects; those without one, such as `?duration`, stay."""
+    """Replace free variables by objects; other variables, such as `?duration`, stay."""
     return replaced(node, {key: f.Constant(name) for key, name in binding.items()})
 
 
 def replaced(node: N, values: Mapping[str, f.Node]) -> N:
-    """Replace free variables by nodes, given by their folded names."""
+    """Replace free variables by nodes, by their folded names."""
     if isinstance(node, f.Variable):
         return values.get(fold(node.name), node)  # type: ignore[return-value]
     if not values or isinstance(node, f.Constant | f.Number):

@@ -1,4 +1,4 @@
-"""What conditions and numbers read: facts and fluents, through the rules of derived ones, too."""
+"""The facts and fluents that conditions and numbers read, also through derived predicates."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from .rules import DerivationRules
 T = TypeVar("T")
 # A predicate (True) or a function, by id.
 Head = tuple[bool, int]
-# The same, and what each of its arguments may be; None for any object.
+# The same, with the possible objects of each argument; None for any object.
 Reading = tuple[bool, int, tuple[T | None, ...]]
 
 
 def head_of(part: r.Part | r.Quantity) -> Head | None:
-    """Return what a part without parts, or a number, is about."""
+    """Return the predicate or function of a leaf or a number."""
     match part:
         case r.HoldsFact(predicate, _):
             return True, predicate
@@ -37,10 +37,10 @@ def read_by(
     known: Callable[[int], T] = int,  # type: ignore[assignment]
     ranges: Callable[[r.Bound], T] | None = None,
 ) -> list[Reading[T]]:
-    """Return what parts read, where it is given what some variables may be.
+    """Return the facts and fluents that parts read, for given objects of some variables.
 
-    `known` says what an argument may be that is an object, and `ranges` what variables of
-    quantifiers may be: by default any object.
+    `known` maps an object to the possible arguments, and `ranges` variables of quantifiers to their
+    possible objects; by default any object.
     """
     found: dict[Reading[T], None] = {}
     pending: list[tuple[Any, dict[Any, T | None]]] = [(part, {**given}) for part in parts]

@@ -1,11 +1,11 @@
-"""Conditions with their names resolved: what is evaluated, by a statement or in memory.
+"""Conditions with resolved names, for evaluation by a statement or in memory.
 
-A condition is brought to a small normal form: negations stand before leaves and quantifiers only,
-`imply` and `forall` are written with `or`, `not` and `exists`, a term that is the value of an
-object fluent is a variable of its own, and each variable has a number that no other one has.
+A condition is converted to a small normal form: only leaves and quantifiers are negated, `or`,
+`not` and `exists` replace `imply` and `forall`, the value of an object fluent in a term becomes a
+variable, and each variable has a unique number.
 
-A fluent without a value makes the comparison, the equality or the atom around it false, as the
-validator VAL has it (Howey, Long, Fox 2004); a negation outside of that is classical.
+A fluent without a value makes the comparison, the equality or the atom around it false, as in the
+validator VAL (Howey, Long, Fox 2004); a negation around that is classical.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ Place = Slot | Known
 
 @dataclass(frozen=True, slots=True)
 class HoldsFact:
-    """A fact holds, or follows by a rule unless it `is_stored`."""
+    """A fact holds; unless `is_stored`, it may also follow by a rule."""
 
     predicate: int
     terms: tuple[Place, ...]
@@ -100,7 +100,7 @@ class Operation:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number that is given with each evaluation, such as `?duration`."""
+    """A number given with each evaluation, such as `?duration`."""
 
     name: str
 
@@ -150,7 +150,7 @@ class Lacks:
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """A variable, and the type sets that its objects fit, each of them."""
+    """A variable, and the type sets, each of which its objects must fit."""
 
     slot: Slot
     types: tuple[TypeSet, ...]
@@ -179,7 +179,7 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class ResolvedCondition:
-    """A condition with its free variables: those that are asked for, and those that are given."""
+    """A condition with its free variables: the columns, and those with given objects."""
 
     part: Part
     columns: tuple[Column, ...]
@@ -218,7 +218,7 @@ def _joined(kind: type[AllOf] | type[OneOf], decides: Part, parts: Iterable[Part
 
 
 def same(left: Place, right: Place) -> Part:
-    """Return that two terms are one object."""
+    """Make the condition that two terms are one object."""
     if left == right:
         return TRUE
     if isinstance(left, Known) and isinstance(right, Known):
@@ -246,7 +246,7 @@ def fits(definitions: Definitions, object_id: int, types: TypeSet) -> bool:
 
 
 class Needed(NamedTuple):
-    """The variables that stand for the values of object fluents, and what must hold of them."""
+    """The variables for the values of object fluents, and their conditions."""
 
     bound: list[Bound]
     needed: list[Part]
@@ -256,7 +256,7 @@ D = TypeVar("D", PredicateDefinition, FunctionDefinition)
 
 
 class AppliedTerms(NamedTuple, Generic[D]):
-    """A predicate or a function with its terms, and what these need."""
+    """A predicate or a function with its terms, and the conditions of these."""
 
     definition: D
     terms: tuple[Place, ...]
@@ -264,12 +264,13 @@ class AppliedTerms(NamedTuple, Generic[D]):
 
 
 class Resolver:
-    """Resolves the names of formulas in one state, whose rules share `numbers` of variables."""
+    """Resolves the names of formulas in one state; its rules share the `numbers` of variables."""
 
     def __init__(self, definitions: Definitions, numbers: Iterator[int] | None = None) -> None:
         self._definitions = definitions
         self._numbers = count() if numbers is None else numbers
-        # The places of variables in scope, innermost last; and what atoms allow of each variable.
+        # The slots of variables in scope, innermost last; and the types that atoms allow for each
+        # variable.
         self._scope: dict[str, list[Place]] = {}
         self._allowed: dict[Slot, dict[TypeSet, None]] = {}
 
@@ -308,7 +309,7 @@ class Resolver:
     def assigned(
         self, value: f.Expression | f.Term, function: FunctionDefinition, needed: Needed
     ) -> Quantity | Place:
-        """Resolve what a fluent is assigned, and add what that needs."""
+        """Resolve the assigned value of a fluent, and add the conditions of its terms."""
         if not function.type_ids:
             return self._expression(value, needed)
         assert isinstance(value, f.Variable | f.Constant | f.Fluent)
@@ -320,7 +321,7 @@ class Resolver:
         return self._expression(expression, needed), needed
 
     def allowed(self, slot: Slot) -> tuple[TypeSet, ...]:
-        """Return what the atoms that mention a variable allow."""
+        """Return the types that the atoms with a variable allow."""
         return tuple(self._allowed.get(slot, ()))
 
     def variables(self, variables: Iterable[f.TypedName]) -> tuple[Bound, ...]:
@@ -363,7 +364,7 @@ class Resolver:
         return negate(leaf) if negative else leaf
 
     def _count(self, node: f.Count) -> Part:
-        """Resolve how many objects a formula holds for: no two, and one if it is exactly one."""
+        """Resolve a count: no two objects, and at least one for `exactly-one`."""
         copies = []
         for _ in range(3):
             with self.within(node.variables) as bound:
@@ -388,7 +389,7 @@ class Resolver:
                 least = self._expression(first, needed)
                 found = Compares(operator, least, self._expression(second, needed))
             case f.Preference():
-                # It is counted, not required.
+                # A preference is counted, not required.
                 return TRUE
             case _:
                 raise UnsupportedConstructError(
@@ -486,7 +487,7 @@ def check_levels(part: Part) -> None:
 
 
 def inner_parts(part: Any) -> Sequence[Any]:
-    """Return the parts and the numbers right within a part or a number."""
+    """Return the direct parts and numbers of a part or a number."""
     match part:
         case AllOf(parts) | OneOf(parts):
             return parts
@@ -509,7 +510,7 @@ def parts_of(part: Part | Quantity) -> Iterator[Any]:
 
 
 def slots_of(part: Part) -> set[Slot]:
-    """Return the variables that are free in a part."""
+    """Return the free variables of a part."""
     found: set[Slot] = set()
     bound: set[Slot] = set()
     for inner in parts_of(part):
@@ -531,7 +532,7 @@ def slots_of(part: Part) -> set[Slot]:
 def resolve(
     definitions: Definitions, read: ReadCondition, given: Collection[str] = ()
 ) -> ResolvedCondition:
-    """Resolve a condition; each evaluation gives objects to some variables, by folded name."""
+    """Resolve a condition; `given` variables, by folded name, get objects at each evaluation."""
     resolver = Resolver(definitions)
     variables = resolver.variables(read.free)
     part = resolver.part(read.formula)
@@ -547,18 +548,18 @@ def resolve(
 
 
 def exists(condition: ResolvedCondition) -> Part:
-    """Return that a condition holds for some objects of its free variables."""
+    """Make the condition that a condition holds for some objects of its free variables."""
     if not condition.columns:
         return condition.part
     return Witness(tuple(column.bound for column in condition.columns), condition.part)
 
 
-# What `replaced` copies with its fields; all other values stay as they are.
+# Classes that `replaced` copies with their fields; all other values stay.
 _COPIED = {*get_args(Part), NumberOf, Operation, Bound}
 
 
 def replaced(part: Part, places: dict[Slot, Place], numbers: Iterator[int]) -> Part:
-    """Copy a part, with places for some variables and new variables for all others it binds."""
+    """Copy a part, with given slots for some variables and new variables for those it binds."""
     made: Any = _replace(part, places, numbers)
     return made  # type: ignore[no-any-return]
 

@@ -1,8 +1,8 @@
-"""The rules of derived predicates at one revision: what each refers to, and their strata.
+"""The rules of derived predicates at one revision, their dependencies and strata.
 
 A predicate that follows by a rule holds in the least model, stratum by stratum (Edelkamp and
 Hoffmann, PDDL 2.2, 2004, section 2.1; Thiebaux, Hoffmann and Nebel, In Defense of PDDL Axioms,
-2005). A fact that is stored of such a predicate holds as well.
+2005). Stored facts of such a predicate hold, too.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ K = TypeVar("K", bound=Hashable)
 
 @dataclass(frozen=True, slots=True)
 class DerivationRule:
-    """A rule: the parameters of the predicate, and what implies it."""
+    """A rule: the parameters of the predicate, and the body that implies it."""
 
     parameters: tuple[Bound, ...]
     body: Part
@@ -34,12 +34,12 @@ class DerivationRules:
     """The rules of a state.
 
     Attributes:
-        numbers: gives the numbers of variables, which no two rules share.
+        numbers: allocates unique numbers of variables.
         component: for each derived predicate, those that it depends on and that depend on it.
     """
 
     def __init__(self, definitions: Definitions, given: Iterable[Derived] | None = None) -> None:
-        """Resolve the rules of a state: those that are stored, or given."""
+        """Resolve the stored or given rules of a state."""
         self.numbers: Iterator[int] = count(1_000_000)
         self._rules: dict[int, list[DerivationRule]] = {}
         self._checked: set[int] = set()
@@ -74,11 +74,11 @@ class DerivationRules:
 
     @property
     def components(self) -> list[frozenset[int]]:
-        """The predicates that depend on each other, those that others use first."""
+        """The groups of predicates that depend on each other, dependencies first."""
         return [*dict.fromkeys(self.component.values())]
 
     def replaced(self, of: Callable[[Part], Part]) -> DerivationRules:
-        """Return rules with other bodies, which use the same derived predicates."""
+        """Return rules with other bodies that use the same derived predicates."""
         found = copy(self)
         found._checked = set()
         found._rules = {
@@ -92,7 +92,7 @@ class DerivationRules:
         return self._rules.get(predicate, [])
 
     def evaluated(self, predicate: int) -> list[DerivationRule]:
-        """Return the rules of a predicate that is evaluated, which may be stored at any depth."""
+        """Return the rules of a predicate for evaluation; stored ones may have any depth."""
         rules = self.of(predicate)
         if predicate not in self._checked:
             for rule in rules:
@@ -127,7 +127,7 @@ class DerivationRules:
 
 
 def mentioned(body: Part) -> Iterator[tuple[int, bool]]:
-    """Yield each predicate of a body, and whether it stands below a negation."""
+    """Yield each predicate of a body, and whether it is below a negation."""
     stack: list[tuple[Part, bool]] = [(body, False)]
     while stack:
         part, is_negative = stack.pop()
@@ -143,7 +143,7 @@ def mentioned(body: Part) -> Iterator[tuple[int, bool]]:
 
 
 def strong_components(uses: Mapping[K, Iterable[K]]) -> list[list[K]]:
-    """Return the strongly connected components, those that others use first (Tarjan, 1972)."""
+    """Return the strongly connected components, dependencies first (Tarjan, 1972)."""
     index: dict[K, int] = {}
     low: dict[K, int] = {}
     open_: list[K] = []
@@ -177,10 +177,10 @@ def strong_components(uses: Mapping[K, Iterable[K]]) -> list[list[K]]:
 
 
 def rules_of(definitions: Definitions) -> DerivationRules:
-    """Return the rules of a state, which are kept with it."""
+    """Return the rules of a state, cached with it."""
     return definitions.derive(DerivationRules)
 
 
 def check_stratified(definitions: Definitions) -> None:
-    """Refuse rules by which a predicate depends on its own negation."""
+    """Refuse rules in which a predicate depends on its own negation."""
     rules_of(definitions).check_stratified(definitions)

@@ -1,4 +1,4 @@
-"""What is said of a period: of when a writer speaks, if not of now on."""
+"""Sayings: statements about a period of valid time."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from typing import NamedTuple, Protocol, TypeVar
 from ..errors import InvalidArgumentError
 from .canonical import in_utc, time_text
 
-# By which clock a writer says when something held: from the commit on, or from the observation on.
+# The clock of a writer's statements: valid from the commit on, or from the observation on.
 COMMITTED, OBSERVED = "committed", "observed"
-# What a transaction was given: where its period begins, and where it ends.
+# The given beginning and end of a transaction's period.
 Given = tuple[datetime | None, datetime | None]
 FROM_NOW_ON: Given = (None, None)
 
 
 class Period(NamedTuple):
-    """The period that a revision speaks of.
+    """The valid period of a revision.
 
     Attributes:
-        valid_from: where it begins.
-        valid_until: where it is over; if it is open, this is the time of the revision.
-        is_open: whether the revision speaks of the time from now on, too.
+        valid_from: its beginning.
+        valid_until: its end; for an open period, the time of the revision.
+        is_open: whether the period continues from now on.
     """
 
     valid_from: datetime
@@ -31,13 +31,13 @@ class Period(NamedTuple):
     is_open: bool
 
     def text(self, said: str, holds: bool) -> str:
-        """Write a saying: that a fact or a value held, or that a fact or fluent did not."""
+        """Write a saying: that a fact or a value held, or did not hold."""
         begin, end = map(time_text, self[:2])
         return f'(:{"held" if holds else "not-held"} {said} :from "{begin}" :until "{end}")'
 
 
 class OfPeriod(Protocol):
-    """What was said of the time from its beginning to its end."""
+    """A statement about a period."""
 
     @property
     def begin(self) -> datetime:
@@ -45,16 +45,16 @@ class OfPeriod(Protocol):
 
     @property
     def end(self) -> datetime:
-        """Where it is over."""
+        """The end, which is not part of it."""
 
 
 S = TypeVar("S", bound=OfPeriod)
 
 
 def last_said(begin: datetime, end: datetime, said: Iterable[S]) -> list[tuple[datetime, S | None]]:
-    """Return what counts in each part of a period, with where that begins; None: nothing.
+    """Return the statement that decides in each part of a period, with its beginning, or None.
 
-    Of what covers a time, the last counts.
+    The last statement that covers a time decides.
     """
     rest = [(-n, one) for n, one in enumerate(said) if one.begin < end and begin < one.end]
     ends = {at for _, one in rest for at in (one.begin, one.end) if begin < at < end}
@@ -71,12 +71,12 @@ def last_said(begin: datetime, end: datetime, said: Iterable[S]) -> list[tuple[d
 
 
 def make_period(given: Given, now: datetime, is_observed: bool = False) -> Period | None:
-    """Make the period that a revision speaks of; None: from now on.
+    """Make the valid period of a revision; None: from now on.
 
     Args:
-        given: where it begins, and where it ends.
+        given: its beginning and its end.
         now: the time of the revision if it was committed now.
-        is_observed: whether it is the time of an observation, by a clock that may be ahead.
+        is_observed: whether it begins at the time of an observation, by a clock that may be ahead.
     """
     begin, end = (in_utc(name, each) for name, each in zip(_NAMES, given, strict=True))
     if begin is None:
@@ -88,7 +88,7 @@ def make_period(given: Given, now: datetime, is_observed: bool = False) -> Perio
     if is_observed and begin >= now:
         return None
     for name, moment in zip(_NAMES, (begin, end), strict=True):
-        # A period that ends now is over.
+        # A period that ends now is in the past.
         if moment is not None and (moment > now or moment == begin == now):
             raise InvalidArgumentError(
                 f"{name} {time_text(moment)} is not before the store's clock, {time_text(now)}: "

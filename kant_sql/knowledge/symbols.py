@@ -1,4 +1,4 @@
-"""The names of a state, as readers of PDDL text need them."""
+"""The names of a state, for readers of PDDL text."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .trees import ParameterDefinition
 
 
 class _StoredSignatures(Signatures):
-    """The predicates or the functions of a state, read when they are first asked for."""
+    """The predicates or the functions of a state, read on first use."""
 
     def __init__(self, kind: str, definitions: Definitions) -> None:
         super().__init__(kind)
@@ -42,7 +42,7 @@ class _StoredSignatures(Signatures):
 
 
 class StoredSymbols(SymbolTable):
-    """The names of a state. Objects are looked up one by one: there may be very many."""
+    """The names of a state. Objects are looked up one by one: there may be many."""
 
     def __init__(self, definitions: Definitions) -> None:
         super().__init__()
@@ -80,5 +80,5 @@ def _named(definitions: Definitions, ids: tuple[int, ...]) -> Types:
 
 
 def symbols_of(definitions: Definitions) -> SymbolTable:
-    """Return the names of a state, which are kept with it."""
+    """Return the names of a state, cached with it."""
     return definitions.derive(StoredSymbols)

@@ -1,4 +1,4 @@
-"""Expression trees: nodes in preorder that refer to what they mention by id."""
+"""Expression trees: nodes in preorder, which refer to elements by id."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Mentioned(NamedTuple):
 
 
 def mentioned(trees: Iterable[Tree]) -> Mentioned:
-    """Find the ids of what trees mention."""
+    """Find the ids that trees mention."""
     nodes = [node for tree in trees for node in tree]
     return Mentioned(
         {id_ for node in nodes for variable in node.variables for id_ in variable.type_ids},
@@ -89,7 +89,7 @@ def mentioned(trees: Iterable[Tree]) -> Mentioned:
 
 
 def mentions(trees: Iterable[Tree], scope: Mentioned) -> bool:
-    """Return whether trees mention something."""
+    """Return whether trees mention an element of a scope."""
     return any(
         id_ in wanted for own, wanted in zip(mentioned(trees), scope, strict=True) for id_ in own
     )

@@ -1,4 +1,4 @@
-"""PDDL text and what it says: read it, look at it as a document, write it."""
+"""PDDL text and documents: read, inspect and write them."""
 # ruff: noqa: I001
 
 from __future__ import annotations

@@ -19,18 +19,18 @@ from ..dto import formulas as f
 
 ACTION, DURATIVE_ACTION, PROCESS, EVENT = "action", "durative-action", "process", "event"
 ACTION_KINDS = (ACTION, DURATIVE_ACTION, PROCESS, EVENT)
-# What can be a step: processes and events happen by themselves.
+# The kinds of steps: processes and events happen by themselves.
 EXECUTABLE = (ACTION, DURATIVE_ACTION)
 
 
 class PddlWarning(NamedTuple):
-    """A violation of the standard in a text with only one sensible reading.
+    """A violation of the standard with only one sensible reading.
 
     Attributes:
         source: the file's path, or `<string>`.
         line: the line, from 1.
         column: the column, from 1.
-        message: the deviation, and how it is read.
+        message: the deviation, and its reading.
     """
 
     source: str
@@ -98,7 +98,7 @@ class Domain(f.Checked):
     Attributes:
         name: its name.
         requirements: the requirements as written, each with its colon.
-        types: the types, each with the types above it.
+        types: the types, each with its supertypes.
         constants: the constants.
         predicates: the predicates.
         functions: the functions.

@@ -23,7 +23,7 @@ from .problem import ProblemReader
 
 @contextmanager
 def without_collector() -> Iterator[None]:
-    """Pause the cyclic garbage collector: documents have no cycles, but it traverses them.
+    """Pause the cyclic garbage collector: it would traverse documents, which have no cycles.
 
     Without the pause, reading 200,000 facts takes 2.5 times as long, and loading them into a store
     a fifth longer. Threads that overlap here restore the state that the first one found, or end the
@@ -152,7 +152,7 @@ def _of_kind(diagnostics: Diagnostics, forms: list[Form], kind: str) -> list[For
 
 
 class Diagnostic(NamedTuple):
-    """An error or a warning about a file; without a place if the file cannot be read at all."""
+    """An error or a warning about a file; without a position if the file cannot be read."""
 
     source: str
     line: int | None
@@ -162,7 +162,7 @@ class Diagnostic(NamedTuple):
 
 
 class CheckedDocument(NamedTuple):
-    """A domain or a problem that was checked."""
+    """A checked domain or problem."""
 
     kind: str  # `domain` or `problem`
     name: str
@@ -172,7 +172,7 @@ class CheckedDocument(NamedTuple):
 
 
 class CheckReport(NamedTuple):
-    """The result of a check, in the order of the files, and of the places in them."""
+    """The result of a check, in the order of the files and of the positions in them."""
 
     documents: tuple[CheckedDocument, ...]
     findings: tuple[Diagnostic, ...]

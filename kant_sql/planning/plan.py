@@ -1,4 +1,4 @@
-"""Plans: their steps, how they are read and written, and the hash of what they solve."""
+"""Plans: their steps, reading and writing them, and the hash of the planner's input."""
 
 from __future__ import annotations
 
@@ -57,14 +57,14 @@ class PlanStep:
 
 @dataclass(frozen=True, slots=True)
 class EngineRun:
-    """The run of an engine that was asked for a plan.
+    """The run of an engine.
 
     Attributes:
         engine: its name.
-        seconds: how long it ran.
-        status: `solved_satisficing`, `solved_optimally`, `invalid_plan`, `stopped` when another one
-            had a plan, `missing`, or a status as of `NoPlanError`.
-        said: its answer, why its plan is not valid, or the last line that it printed.
+        seconds: its run time.
+        status: `solved_satisficing`, `solved_optimally`, `invalid_plan`, `stopped` because another
+            engine had a plan, `missing`, or a status of `NoPlanError`.
+        said: its message, why its plan is not valid, or its last line of output.
     """
 
     engine: str
@@ -84,12 +84,12 @@ class Plan:
         steps: its steps, in order.
         engine: the engine that found it.
         status: the engine's verdict: `solved_satisficing` or `solved_optimally`.
-        revision: the revision of the knowledge base that was planned from.
-        problem_hash: the `problem_hash` of the planner's input; None when unknown.
-        ignored: what of the metric and the preferences the planner was not given, as readable text.
-        domain_pddl: the domain that the planner was given, if it is not the state's.
-        problem_pddl: the problem that the planner was given, if it is not the state's.
-        value: the value of the metric, if the planner stated it in a text that was read.
+        revision: the revision of the initial state.
+        problem_hash: the `problem_hash` of the planner's input; None if unknown.
+        ignored: the parts of the metric and the preferences that the planner did not get, as text.
+        domain_pddl: the planner's domain, if it is not the state's.
+        problem_pddl: the planner's problem, if it is not the state's.
+        value: the value of the metric, if the plan was read from a text that states it.
         runs: the run of each engine.
     """
 
@@ -119,23 +119,23 @@ class Plan:
 
     @classmethod
     def read(cls, source: str | os.PathLike[str]) -> Plan:
-        """Read a plan that another program wrote.
+        """Read a plan of another program.
 
-        These formats are known, in any case, with comments (`;`) and line ends of any system: of
-        VAL; the plan files and the log of Fast Downward; the logs of POPF, OPTIC, Temporal Fast
-        Downward and ENHSP; what unified-planning's `PDDLWriter` writes, and the `str` of its plans;
-        `str` of a `Plan`, and what `kant-sql plan` prints. Of several plans in a log, the last is
-        read: it is the best.
+        It reads these formats, ignoring case, with comments (`;`) and any line ends: that of VAL;
+        the plan files and the log of Fast Downward; the logs of POPF, OPTIC, Temporal Fast Downward
+        and ENHSP; plans of unified-planning's `PDDLWriter`, and the `str` of its plans; the `str`
+        of a `Plan`, and the output of `kant-sql plan`. If a log has several plans, it reads the
+        last one, which is the best.
 
         Args:
             source: a path, or the text: a string with a line break, or one that begins with `(`,
                 `;`, or a time and a colon.
 
         Returns:
-            The plan. `engine` is the planner, if the text names it (`kant-sql plan`) or only one
-            writes such a text (Fast Downward); else it is empty. `status` is `solved_satisficing`,
-            unless the text says `solved_optimally`. `value` is the metric or cost that is stated.
-            `revision` is None: a plan is recorded as one of the head.
+            The plan. `engine` is the planner, if the text names it (`kant-sql plan`) or its format
+            is unique (Fast Downward); otherwise it is empty. `status` is `solved_satisficing`,
+            unless the text says `solved_optimally`. `value` is the stated metric or cost.
+            `revision` is None: recording the plan uses the head.
 
         Raises:
             PddlError: a line is not a step; the error has the line, what was found and expected.

@@ -1,4 +1,4 @@
-"""Recorded plans: the state that each was made from, its steps and their outcomes."""
+"""Recorded plans: their initial states, steps and outcomes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["PlanDao", "RecordedPlan"]
 
 
 class Given(NamedTuple):
-    """The PDDL texts that a planner was given."""
+    """The PDDL texts of a planner's input."""
 
     domain: str
     problem: str
@@ -30,15 +30,15 @@ class RecordedPlan:
     Attributes:
         id: its number in the knowledge base.
         recorded_in: the revision that recorded it.
-        revision: the revision of the state that it was made from.
+        revision: the revision of its initial state.
         problem_hash: SHA-256, in hexadecimal, of the planner's input: the UTF-8 of the domain's
             PDDL text, followed by the problem's.
         planner: the planner's name.
         planner_version: the planner's version.
         objective: the metric, as PDDL text.
         value: the value of the objective.
-        status: the planner's status, for example `solved_optimally`; if several engines were
-            asked, followed by what became of each.
+        status: the planner's status, for example `solved_optimally`; with several engines, followed
+            by the result of each.
         steps: its steps, in order.
     """
 
@@ -77,7 +77,7 @@ class RecordedPlan:
         return html.fields(self._html_row_()) + html.listing(self.steps, "step")
 
     def domain_pddl(self) -> str:
-        """Return the domain that the planner was given, byte for byte.
+        """Return the planner's domain, byte for byte.
 
         Returns:
             The PDDL text.
@@ -89,7 +89,7 @@ class RecordedPlan:
         return self._given(self).domain
 
     def problem_pddl(self) -> str:
-        """Return the problem that the planner was given, byte for byte.
+        """Return the planner's problem, byte for byte.
 
         Returns:
             The PDDL text.
@@ -119,17 +119,16 @@ class PlanDao(ABC):
         """Record a plan, in one revision.
 
         Args:
-            plan: the plan, found by `kb.plan()`, read by `Plan.read` or made by hand. Its
-                `revision` is the state that it was made from, by default the head. Names are in any
-                case.
+            plan: the plan, from `kb.plan()`, from `Plan.read` or made by hand. Its `revision` is
+                its initial state, by default the head. Names ignore case.
             planner: the planner's name; by default the plan's engine.
             planner_version: the planner's version.
-            objective: the metric as PDDL text; by default the state's metric, or if the plan
-                ignores a part of it, the metric that the planner was given, if any.
-            value: the value of the objective, by default the plan's, if there is an objective.
-            domain_pddl: the domain that the planner was given, by default the plan's own, if it
-                differs from the text that the store writes for the state.
-            problem_pddl: the problem that the planner was given, likewise.
+            objective: the metric as PDDL text; by default the state's metric or, if the plan
+                ignores a part of it, the planner's metric, if any.
+            value: the value of the objective; by default the plan's, if there is an objective.
+            domain_pddl: the planner's domain, by default the plan's own, if it differs from the
+                text that the store writes for the state.
+            problem_pddl: the planner's problem, likewise.
 
         Returns:
             The recorded plan.
@@ -177,15 +176,15 @@ class PlanDao(ABC):
 
     @abstractmethod
     def set_status(self, step: Execution, *, status: Outcome) -> bool:
-        """Set the outcome of a step, as `kb.executions.report` does, without reading it back.
+        """Set the outcome of a step, like `kb.executions.report`, without reading it back.
 
-        A step is started once, and then succeeds, fails or is aborted. A step that was not started
-        can be aborted, too.
+        A step is started once, and then succeeds, fails or is aborted. You can also abort a step
+        that was not started.
 
         Returns:
-            False when the step has this outcome already.
+            False if the step already has this outcome.
 
         Raises:
-            PlanError: the step is not known, or its present outcome does not allow this one.
+            PlanError: the step is unknown, or its present outcome does not allow this one.
             ReadOnlyError: this is a view of the past.
         """

@@ -1,4 +1,4 @@
-"""What follows from what is stored: conditions, actions, plans, and rules about the past."""
+"""Reasoning on the store: conditions, actions, plans, and rules about the past."""
 
 from __future__ import annotations
 

@@ -55,20 +55,20 @@ def applicable_actions(
 ) -> Iterator[PlanStep]:
     """Find the steps that can be executed in this state.
 
-    Each action takes one statement, when its first step is needed. A durative step is one that
-    `start` starts: see `why_not`. A step whose duration has to be chosen is left out,
-    and so are actions with continuous change that is not linear. Preferences do not count.
+    Each action takes one statement, when its first step is needed. Durative steps are those that
+    `start` can start: see `why_not`. It omits steps whose duration you must choose, and actions
+    with nonlinear continuous change. Preferences do not count.
 
     Args:
         name: an action's name; by default all actions in their order.
-        limit: the greatest number of steps.
-        **fixed: objects for parameters; actions without them are left out.
+        limit: the maximum number of steps.
+        **fixed: objects for parameters; actions without these are omitted.
 
     Returns:
-        The steps, ordered by action and as the objects were declared.
+        The steps, in the order of the actions and of the declarations of their objects.
 
     Raises:
-        InvalidKnowledgeError: an action or an object is not known.
+        InvalidKnowledgeError: an action or an object is unknown.
         InvalidArgumentError: there is no such parameter.
         UnsupportedConstructError: the name is that of a process or an event.
 
@@ -183,23 +183,23 @@ class _Search(NamedTuple):
 def why_not(state: State, step: Step) -> list[FailedCondition]:
     """Return why a step cannot begin now.
 
-    It can begin if its objects fit its parameters, its duration is given or fixed where it matters
-    and allowed, its conditions `at start` hold, its effects `at start` have results, and its
+    It can begin if its objects fit its parameters, its duration is allowed (given or fixed, if it
+    matters), its conditions `at start` hold, its effects `at start` have results, and its
     conditions `over all` hold right after these effects. `applicable_actions`, `start` and `apply`
-    judge by the same condition; `apply` executes the end, too, which may fail then.
+    agree on this; `apply` also executes the end, which may fail then.
 
     Args:
         step: as for `apply`; its arguments may be of any type.
 
     Returns:
-        The arguments that do not fit their parameters; else what is wrong with the duration;
-        else the conditions `at start` that do not hold, as `unsatisfied`; else the effects at
-        the start without a result; else the conditions `over all` that do not hold right after
-        these effects. Empty for a step that `apply` can begin and `start` starts.
+        The arguments that do not fit their parameters; or else the fault of the duration; or the
+        failing conditions `at start`, as from `unsatisfied`; or the effects at the start without a
+        result; or the conditions `over all` that do not hold right after these effects. Empty for a
+        step that can begin.
 
     Raises:
         PddlError, InvalidKnowledgeError: it names an unknown element.
-        UnsupportedConstructError: the action has continuous change that is not linear.
+        UnsupportedConstructError: the action has nonlinear continuous change.
 
     Examples:
         >>> kb.load_domain('''(define (domain doors) (:predicates (open) (key))

@@ -1,4 +1,4 @@
-"""Asking: whether a condition holds in a state, and for which objects."""
+"""Queries: whether a condition holds in a state, and for which objects."""
 
 from __future__ import annotations
 
@@ -221,15 +221,15 @@ OF_TRUTHS, OF_ANSWERS = slice(0, GUARDS), slice(1, 1 + GUARDS)
 def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
     """Return whether a condition holds.
 
-    A condition is evaluated in the database, in one statement unless it needs recursion. A
-    fluent without a value makes the comparison or the atom around it false, as the validator
-    VAL has it; so does a division by zero. Numbers are compared exactly. Facts count, goals
-    do not; a derived predicate holds by its rules (PDDL 2.2), or as a stored fact.
+    The database evaluates a condition in one statement, unless it needs recursion. A fluent without
+    a value makes the comparison or the atom around it false, as in the validator VAL; so does a
+    division by zero. Numbers are compared exactly. Facts count, goals do not; a derived predicate
+    holds by its rules (PDDL 2.2), or as a stored fact.
 
     Args:
-        condition: PDDL text or a node; all conditions of PDDL except preferences and
-            constraints. With free variables, it holds if it holds for some objects.
-        **bindings: objects, or their names, for free variables; `_` stands for `-`.
+        condition: PDDL text or a node: any condition of PDDL except preferences and constraints.
+            With free variables, it holds if it holds for some objects.
+        **bindings: objects, or their names, for free variables; write `_` for `-`.
 
     Returns:
         Whether it holds.
@@ -321,10 +321,10 @@ def _ground(definitions: Definitions, condition: object) -> tuple[Prepared | Non
 
 
 class Answers:
-    """The objects for which a condition holds, without duplicates, as the objects were declared.
+    """The objects for which a condition holds, without duplicates, in the order of declaration.
 
-    They are read from the state once, when the first one is needed; iterate, index and `len` as
-    with a list. An answer is a tuple of objects' names.
+    They are read from the state once, on first use; iterate, index and use `len` as with a list. An
+    answer is a tuple of objects' names.
 
     Attributes:
         columns: the free variables, without question marks.
@@ -344,7 +344,7 @@ class Answers:
 
     @property
     def sql(self) -> str:
-        """The statement that finds them, with its values bound in, for `sqlite3` or `psql`."""
+        """The statement with its values, for `sqlite3` or `psql`."""
         return self._sql()
 
     def _found(self) -> list[Answer]:
@@ -357,7 +357,7 @@ class Answers:
         return iter(self._found())
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of answers."""
         return len(self._found())
 
     @overload
@@ -383,7 +383,7 @@ class Answers:
             A column of objects' names for each variable.
 
         Raises:
-            ExtraMissingError: pyarrow is not installed; the extra `data` has it.
+            ExtraMissingError: pyarrow is not installed; it comes with the extra `data`.
         """
         return text_table(self.columns, [*self])
 
@@ -490,16 +490,16 @@ def query(
         parameters: the free variables with their types, `"(?r - robot ?w - wp)"`, which also
             gives their order; by default a variable has the types that all atoms with it
             allow.
-        limit: the greatest number of answers.
+        limit: the maximum number of answers.
         **bindings: objects, or their names, for free variables.
 
     Returns:
-        The answers, without duplicates, in the order in which the objects were declared. They
-        are read when they are first needed.
+        The answers, without duplicates, in the order of the objects' declarations. They are read on
+        first use.
 
     Raises:
         PddlError, TypeMismatchError, UnsupportedConstructError, ArchivedError: as `holds`.
-        InvalidArgumentError: a binding is for no free variable, or `limit` is not a number.
+        InvalidArgumentError: a binding names no free variable, or `limit` is not a number.
 
     Examples:
         >>> for robot, wp in kb.query("(robot_at ?r ?w)"):

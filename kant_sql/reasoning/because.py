@@ -1,4 +1,4 @@
-"""Because of what: the acts whose conditions used a fact, and what a fact goes back to.
+"""Causes: the acts whose conditions used a fact, and the origins of a fact.
 
 Conditions are evaluated in memory, in the states in which acts began and ended. A page of acts is
 read at once, level by level, so that statements grow with the depth alone, and with definitions
@@ -49,17 +49,17 @@ _ABSENT = re.compile(r"\s*\(\s*not\s*(\(.*\))\s*\)\s*", re.DOTALL | re.IGNORECAS
 
 @dataclass(frozen=True)
 class CauseLink:
-    """An act, a plan, a derived fact, an observation or a document, by the literals of each.
+    """An act, a plan, a derived fact, an observation or a document, with its literals.
 
     Attributes:
-        depth: how many links away from the element it is, from 1.
+        depth: its distance from the element, from 1.
         kind: `execution`, `plan`, `derived fact`, `observation` (a revision without an execution),
             `document` (a revision that loaded a domain or a problem) or `branch` (the first
             revision of a branch, whose source names the knowledge base and the revision).
         id: the id of the execution or the plan; None for others.
         text: the act, the derived fact, or the document.
-        revision: the revision in which it began, or the observation; for a plan, the revision that
-            it was planned from; None for a derived fact.
+        revision: the revision in which it began, or the observation; for a plan, the revision of
+            its initial state; None for a derived fact.
         used: the literals that its condition used, as far as the question follows them.
         made: the literals that it made true, as far as the question follows them.
     """
@@ -93,9 +93,9 @@ class CauseLinks:
 
     Attributes:
         element: the element.
-        links: the links, the nearest first, and among them the newest.
-        searched: the first revision from which all acts were searched; None for all. After an
-            archive, these are the acts since: ask the archive for earlier ones.
+        links: the links, the nearest first, then the newest.
+        searched: the first searched revision; None for all. After an archive, acts before it are in
+            the archive: ask it.
         has_more: whether there are more than the limit.
     """
 
@@ -605,16 +605,16 @@ def _occurrences(action: PreparedAction) -> Iterator[tuple[Head, tuple[r.Place, 
 def consequences(
     state: State, element: Element, *, depth: int = 1, limit: int | None = 50
 ) -> CauseLinks:
-    """Find the consequences of a fact or a value: the acts, plans and derived facts that used it.
+    """Find the consequences of a fact or value: the acts, plans and derived facts that used it.
 
-    An act used a version if it held when the act's condition held, and the condition depends on
-    it: see the page "Causes". The conditions of conditional effects, and the numbers that an
-    effect read, count as well.
+    An act used a version if the version held when the act's condition held, and the condition
+    depends on it: see the page "Causes". Conditions of conditional effects, and numbers that an
+    effect reads, count, too.
 
     Args:
         element: a fact or a fluent, as for `history`; `(not (robot_at rb1 wp1))` for its absence;
             `(= (battery rb1) 10)` for the versions with this value.
-        depth: how many links to follow; 1 for direct uses.
+        depth: the number of links to follow; 1 for direct uses.
         limit: the most links, the newest of each level first; None for all.
 
     Returns:
@@ -638,13 +638,13 @@ def origins(
 
     Args:
         element: a fact or a fluent, as for `consequences`.
-            Its present version counts, or else its last one.
-        depth: how many links to go back.
+            Its present or last version counts.
+        depth: the number of links to go back.
         limit: the most links, the newest of each level first; None for all.
 
     Returns:
-        The links, the nearest first. A literal that is in `used` but in no `made` was always so,
-        or has an origin beyond `depth`.
+        The links, the nearest first. A literal in `used` that is in no `made` was always so, or has
+        an origin beyond `depth`.
 
     Raises:
         InvalidKnowledgeError: it is not a fact or a fluent.

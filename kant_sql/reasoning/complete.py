@@ -1,4 +1,4 @@
-"""The names that may be meant by their beginning, for editors and prompts."""
+"""Completion of names, for editors and prompts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ DEFAULT_LIMIT = 20
 
 
 class Completion(NamedTuple):
-    """A name that may be meant.
+    """A matching name.
 
     Attributes:
         kind: `predicate`, `function`, `object`, `action` or `type`.
@@ -43,14 +43,14 @@ class _Named(NamedTuple):
 
 
 def complete(state: State, beginning: str, *, limit: int = DEFAULT_LIMIT) -> list[Completion]:
-    """Find the names that may be meant by their beginning, for editors and prompts.
+    """Find the names that begin with some characters, for editors and prompts.
 
     Args:
         beginning: the first characters of a name, in any case; empty for all names.
-        limit: the greatest number of names.
+        limit: the maximum number of names.
 
     Returns:
-        The predicates, functions, objects, actions and types whose names begin so, in this
+        The predicates, functions, objects, actions and types whose names begin like this, in this
         order and by name; then those whose names contain the characters.
 
     Raises:

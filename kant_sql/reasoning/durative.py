@@ -3,7 +3,7 @@
 A durative step begins with its conditions and effects `at start`, and ends with those `at end`;
 what is `over all` holds from right after the start until right before the end (Fox and Long, PDDL
 2.1, 2003, section 5). Each step is recorded as an execution, in the revision of its effects, so all
-processes know what runs.
+processes know which steps are running.
 """
 
 from __future__ import annotations
@@ -66,13 +66,13 @@ _DURATION = re.compile(rf"\?{f.DURATION}(?![\w-])")
 
 @dataclass(frozen=True)
 class BrokenInvariant:
-    """A condition of a step that does not hold, as one `over all` of a running step.
+    """A condition of a step that does not hold, such as one `over all` of a running step.
 
     Attributes:
         step: the step.
         unsatisfied: the condition.
         since: the revision since which it does not hold, with its time, actor and reason; None
-            within a transaction that broke it, or if that is in an archive.
+            within the transaction that broke it, or if the revision is in an archive.
     """
 
     step: Execution
@@ -96,20 +96,20 @@ def apply(
     """Execute a step: check its conditions and write its effects, in one revision.
 
     Conditions and right-hand sides are evaluated in the state before, deletes come before adds,
-    numbers are exact (PDDL 2.1). A durative action is executed at once: its start, its
-    continuous effects for its duration, then its end, each with its conditions. The head is
-    locked meanwhile, so nothing changes between the check and the effects. The revision records
-    the execution, also of a step that changes nothing: `kb.executions` has it. A step of a recorded
-    plan gets the outcome `succeeded`.
+    numbers are exact (PDDL 2.1). A durative action is executed at once: its start, its continuous
+    effects for its duration, then its end, each with its conditions. The head is locked, so nothing
+    changes between the check and the effects. The revision records the execution in
+    `kb.executions`, even if the step changes nothing. A step of a recorded plan gets the outcome
+    `succeeded`.
 
     Args:
         step: text such as `"(move rb1 hall kitchen)"`, with `[5]` for a duration, a
             `PlanStep`, a step of a recorded plan, or an `ActionInstance` of unified-planning.
-        reason: the revision's reason; by default the step.
+        reason: the revision's reason; by default it names the step.
         execution: the running execution that the revision links to.
-        record_refusal: whether a step that cannot be executed is recorded, with the outcome
-            `refused` and what did not hold; its revision has nothing else. Within an open
-            transaction, that is kept if the transaction is.
+        record_refusal: whether to record a step that cannot be executed, with the outcome `refused`
+            and the failing conditions; its revision has nothing else. Within an open transaction,
+            the record is part of the transaction.
 
     Returns:
         The revision; None within an open transaction.
@@ -118,10 +118,9 @@ def apply(
         NotApplicableError: a condition does not hold, a duration is not allowed, or a
             right-hand side has no value; nothing is written, unless the refusal is recorded.
         PlanError: the text gives a duration to an action without one, or the recorded step was
-            executed already.
+            already executed.
         PddlError, InvalidKnowledgeError: the step names an unknown element.
-        UnsupportedConstructError: it is a process or an event, or its continuous change is not
-            linear.
+        UnsupportedConstructError: it is a process or an event, or has nonlinear continuous change.
         ReadOnlyError: this is a view of the past.
 
     Examples:
@@ -244,7 +243,7 @@ def start(
     """Start a durative step: its conditions and effects `at start`, in one revision.
 
     Args:
-        step: as for `apply`. Without a duration, it has the one that a constraint fixes.
+        step: as for `apply`. Without a duration, it gets the one that a constraint fixes.
         reason: as for `apply`.
         execution: as for `apply`.
 
@@ -253,7 +252,7 @@ def start(
 
     Raises:
         NotApplicableError: the step cannot begin (see `why_not`), its duration violates a
-            constraint by more than 0.01, or the same step is running already.
+            constraint by more than 0.01, or the same step is already running.
         PlanError: the action has no duration.
         UnsupportedConstructError: as `apply`.
         PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
@@ -312,13 +311,13 @@ def end(
 ) -> Execution:
     """End a running step: its conditions and effects `at end`, in one revision.
 
-    Continuous effects take place first: their rates in this state, times the duration that was
-    recorded at the start, not the time on the clock. Until then, readers see numbers as they
-    were last written. What is `over all` must hold throughout that change, until right before
-    the end; conditions and effects `at end` see the changed numbers.
+    Continuous effects come first: their rates in this state, times the duration that was recorded
+    at the start, not the time on the clock. Until then, readers see numbers as last written.
+    Conditions `over all` must hold throughout that change, until right before the end; conditions
+    and effects `at end` see the changed numbers.
 
     Args:
-        step: what `start` returned, or as for `apply`; its duration is that of the start.
+        step: the result of `start`, or as for `apply`; its duration is that of the start.
         reason: as for `apply`.
         execution: as for `apply`.
 
@@ -347,8 +346,8 @@ def end(
 def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = False) -> Aborted:
     """Abort a running step: it gets the outcome `aborted`.
 
-    What its start changed stays, and the result says what of it still stands. With `undo`, it
-    is taken back in the same revision, if nothing else changed it since.
+    The changes of its start stay, and the result lists those that remain. With `undo`, it reverts
+    them in the same revision, if nothing else changed them since.
 
     Args:
         step: as for `end`.
@@ -356,12 +355,12 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
         undo: whether to revert the changes of the start.
 
     Returns:
-        The execution, with the outcome `aborted`, its remaining and its reverted changes.
+        The execution, with the outcome `aborted`, and its remaining and reverted changes.
 
     Raises:
-        PlanError: the step is not running; or with `undo`, something else changed what its
-            start changed, which is named, or deleted what that names, or the state before is not
-            known. Nothing is written.
+        PlanError: the step is not running; or with `undo`, something else has changed the same
+            elements, which the error names, or deleted elements that they name, or the state before
+            is unknown. Nothing is written.
         PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
 
     Examples:
@@ -456,7 +455,7 @@ def _earlier(store: Store, recorded: Execution, found: GroundStep) -> Earlier:
 
 
 def broken_invariants(state: State) -> list[BrokenInvariant]:
-    """Return the conditions `over all` of running steps that do not hold now.
+    """Return the conditions `over all` of running steps that do not hold.
 
     Returns:
         The conditions, each with its step, and the revision since which it does not hold.
@@ -524,9 +523,9 @@ class Aborted(Execution):
     """An aborted step, and its remaining changes.
 
     Attributes:
-        left: the changes of its start that still stand, as a log has them; None if they are not
-            known, because the state before the start was archived, or was not committed.
-        undone: the changes of its start that were taken back.
+        left: the remaining changes of its start, as in a log; None if they are unknown, because the
+            state before the start is in an archive, or was not committed.
+        undone: the reverted changes of its start.
     """
 
     left: tuple[Change, ...] | None

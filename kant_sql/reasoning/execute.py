@@ -1,4 +1,4 @@
-"""Executing whole plans: each step when its time has come, several at once, until one fails."""
+"""Executes whole plans: each step at its time, several in parallel, until one fails."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ class ExecutedPlan:
 
     Attributes:
         outcome: `succeeded`, or the outcome of the step that ended it: `failed`, `aborted`, or
-            `refused` if its condition did not hold in time.
+            `refused` if its condition did not hold within the timeout.
         step: the execution that ended it; None if it succeeded, or was cancelled between steps.
         unsatisfied: the conditions of that step that did not hold, each with the revision that
             broke it; none if the step failed by itself.
         plan: the recorded plan, with the outcomes of its steps; with `replan`, the last one.
-        broken: why each plan before broke, with `replan`.
+        broken: with `replan`, why each earlier plan broke.
     """
 
     outcome: Outcome
@@ -99,43 +99,43 @@ def execute(
 ) -> ExecutedPlan:
     """Execute a plan: call `dispatch(step)` for each step, and record the outcomes.
 
-    A step begins when its start time has come, all steps that the plan ends before have ended, and
-    its condition holds; without start times, one follows the other. It is recorded as `running`,
-    with its effects `at start`; then `dispatch` does it, in a thread of its own; then its other
-    effects are written, and it has succeeded. So durations are those of the robot, in the order of
-    the plan.
+    A step begins when its start time has come, all steps that end before it in the plan have ended,
+    and its condition holds; without start times, steps follow each other. It is recorded as
+    `running`, with its effects `at start`; then `dispatch` executes it in its own thread; then its
+    other effects are written, and it has succeeded. So durations are those of the robot, in the
+    order of the plan.
 
-    A step fails if `dispatch` raises an error or returns False, its invariants break meanwhile,
-    whoever breaks them, its condition at the end does not hold, or a kept rule refuses its effects;
-    with the code `error.code`, or the class of the error. It is aborted if `dispatch` raises
-    `CancelledError`, or any process calls `kb.abort(step)`. The first step that does not succeed
-    ends the plan: the others that run are aborted, in the same revision.
+    A step fails if `dispatch` raises an error or returns False, any process breaks one of its
+    invariants, its condition at the end does not hold, or a kept rule refuses its effects; the code
+    is `error.code`, or the class of the error. It is aborted if `dispatch` raises `CancelledError`,
+    or any process calls `kb.abort(step)`. The first step that does not succeed ends the plan: the
+    other running steps are aborted, in the same revision.
 
     Args:
-        plan: as for `validate`. One that is not recorded is recorded first. Steps of a recorded
-            plan that have succeeded are not done again.
-        dispatch: does a step, given its execution, and returns when it is done.
-        cancel: called for each step that `dispatch` still does when the plan ends early, to stop
-            it; `execute` returns when all calls of `dispatch` have.
-        timeout: the seconds for which a step waits for its condition; None to wait without limit.
-        speed: how many time units of the plan pass in a second.
+        plan: as for `validate`. A new plan is recorded first. Steps of a recorded plan that have
+            succeeded are not repeated.
+        dispatch: executes a step, given its execution, and returns when it is done.
+        cancel: stops a step; called for each step whose `dispatch` has not returned when the plan
+            ends early. `execute` returns after all calls of `dispatch`.
+        timeout: seconds that a step waits for its condition; None to wait without limit.
+        speed: the time units of the plan per second.
         reason: the reason of all revisions; by default it names the step.
-        replan: how to plan again, as arguments of `plan`: `{}`, or `{"engine": "lama"}`. What is
-            left is then validated after each change that touches what it needs, as by
-            `KnowledgeBase.replan`. When it broke, no further step begins; once none runs, the
-            execution goes on with another plan. A step that fails ends it nevertheless.
+        replan: the arguments of `plan` for another plan: `{}`, or `{"engine": "lama"}`. Then the
+            rest of the plan is validated after each relevant change, as by `KnowledgeBase.replan`.
+            If it breaks, no further step begins; once none is running, the execution continues with
+            another plan. A failed step still ends it.
 
     Returns:
-        What came of it, with the step that ended it, and what broke by whom. No error of
-        `dispatch` is raised.
+        The outcome, with the step that ended the plan, and who broke which condition. Errors of
+        `dispatch` are not raised.
 
     Raises:
-        NoPlanError: with `replan`, the plan broke and there is no other; done steps are recorded.
-        PlanError: there is no such plan; a step is not one of the domain, or cannot begin, as it
-            runs or has failed.
-        PddlError: the text is not that of a plan.
-        InvalidArgumentError: `speed` is not a positive number, or there is nothing to call, or a
-            coroutine function, which `kant_sql.aio` takes.
+        NoPlanError: with `replan`, the plan broke and there is no other; ended steps stay recorded.
+        PlanError: there is no such plan; a step is not one of the domain, or cannot begin because
+            it is running or has failed.
+        PddlError: the text is not a plan.
+        InvalidArgumentError: `speed` is not a positive number, or `dispatch` is not callable, or is
+            a coroutine function, which needs `kant_sql.aio`.
         ReadOnlyError: this is a view of the past, or a transaction is open.
 
     Examples:

@@ -1,4 +1,4 @@
-"""Explaining: which parts of a condition do not hold, with what is known of each."""
+"""Explanations: the parts of a condition that do not hold, with values and retractions."""
 
 from __future__ import annotations
 
@@ -236,17 +236,17 @@ def unsatisfied(
 ) -> list[FailedCondition]:
     """Return the parts of a condition, or of the goals, that do not hold.
 
-    Conjunctions are taken apart, and universal quantifiers into their first 20
-    counterexamples; other formulas are parts as they are.
+    It splits conjunctions into their parts, and universal quantifiers into their first 20
+    counterexamples; other formulas are parts themselves.
 
     Args:
         condition: as for `holds`; None for the goals, without preferences.
         **bindings: as for `holds`.
 
     Returns:
-        The parts, in order, each with the values of both sides of a comparison, and for a fact
-        that held before with the revision that retracted it. Empty if the condition holds, or if
-        all goals are reached.
+        The parts, in order, each with the values of both sides of a comparison, or the revision
+        that retracted a fact that held before. Empty if the condition holds, or all goals are
+        reached.
 
     Raises:
         PddlError, TypeMismatchError, UnsupportedConstructError, ArchivedError: as `holds`.
@@ -342,8 +342,8 @@ def metric_value(state: State) -> Decimal | None:
 
     Raises:
         InvalidKnowledgeError: a fluent in it has no value, or it divides by 0.
-        UnsupportedConstructError: it is about `total-time`, or about a preference that is not
-            a goal: a plan has these, a state has not.
+        UnsupportedConstructError: it is about `total-time`, or a preference that is not a goal: a
+            plan has these, but not a state.
 
     Examples:
         >>> kb.pddl.metric_value() is None

@@ -75,7 +75,7 @@ class Replanned:
         if self.broken is not None:
             return f"plan {self.plan.id}, as the one before broke: {self.broken}"
         how = "is valid" if self.is_validated else "needs nothing that changed"
-        return f"plan {self.plan.id}, what is left of it {how}"
+        return f"plan {self.plan.id}, the rest {how}"
 
     def _repr_html_(self) -> str:
         return html.lines(str(self))
@@ -120,11 +120,11 @@ def replan(
         3
         >>> plan = kb.plans.record(kb.plan("pyperplan"))
         >>> print(kb.replan())
-        plan 1, what is left of it is valid
+        plan 1, the rest is valid
         >>> kb.propositions.save("(open)")
         True
         >>> print(kb.replan(plan))
-        plan 1, what is left of it is valid
+        plan 1, the rest is valid
     """
     check_options(options)
     given, remembered = _recorded(state, plan), state.store.remembered

@@ -1,7 +1,7 @@
-"""ROS 2: a node that answers KANT's and PlanSys2's services, and what needs no ROS around it.
+"""ROS 2: a node with KANT's and PlanSys2's services, and tools that need no ROS.
 
-`kant-sql ros` starts the node. `import_bag` makes revisions of a recording of it; `follow` gives a
-node of yours each revision.
+`kant-sql ros` starts the node. `import_bag` converts a recording of it to revisions; `follow`
+delivers each revision to your node.
 """
 
 from __future__ import annotations

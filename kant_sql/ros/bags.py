@@ -1,4 +1,4 @@
-"""Recordings of the node as revisions: what was said to it, with the times of the recording.
+"""Recordings of the node as revisions, with the times of the recording.
 
 A bag of ROS 2 (rosbag2) is read by `rosbags`, which needs no ROS.
 """
@@ -54,13 +54,13 @@ _REPAIR = (
 
 
 class Imported(NamedTuple):
-    """What was read of a bag.
+    """The result of an import.
 
     Attributes:
-        messages: the requests and revisions that it has.
-        revisions: the revisions that they made; what was known already makes none.
-        refused: those that the server refused, or the knowledge base does; the log says why.
-        known: those up to the last one that the knowledge base has from before.
+        messages: the requests and revisions in the bag.
+        revisions: the revisions that they made; known content makes none.
+        refused: the number that the server or the knowledge base refused; the log says why.
+        known: the number up to the last one that was imported before.
     """
 
     messages: int
@@ -78,33 +78,33 @@ class _Said(NamedTuple):
     id: str
     message: Any
     lost: int = 0  # revisions before it that were not recorded
-    refusal: str = ""  # why it is left out
+    refusal: str = ""  # why it is omitted
 
 
 def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = None) -> Imported:
-    """Take over a recording of a node: its revisions, or else the requests to its services.
+    """Import a recording of a node: its revisions, or else the requests to its services.
 
-    Revisions are the messages of `~/changes`, which have what every writer changed, except plans,
-    derived predicates and constraints. Without any, requests are the service events of KANT's
-    services, of PlanSys2's problem expert and of `~/apply` that were answered with success.
+    Revisions are the messages of `~/changes`, with the changes of every writer, except plans,
+    derived predicates and constraints. If there are none, it imports the successful requests to
+    KANT's services, to PlanSys2's problem expert and to `~/apply`, from service events.
 
-    Each becomes one revision, with its time in the bag as `observed_at`; a revision from before
-    the recording, which the node repeats for late listeners, keeps the time of its commit. What a
-    message says holds from now on, or with `connect(..., clock="observed")` from its time on. The
-    `source` has the bag, the message, and what its writer said. What comes up to the last message
-    that is known is not taken over again: an import that was interrupted goes on.
+    Each becomes one revision, with its time in the bag as `observed_at`; a revision from before the
+    recording, which the node repeats for late listeners, keeps the time of its commit. Imported
+    facts are valid from now on, or with `connect(..., clock="observed")` from their time on. The
+    `source` has the bag, the message, and the writer's metadata. The import skips messages up to
+    the last known one, so you can continue an interrupted import.
 
     Args:
-        kb: the knowledge base that is written. What the node knew before the recording must be in
-            it already, such as its domain.
+        kb: the target knowledge base. It must already have the earlier knowledge of the node, such
+            as its domain.
         path: the folder of the bag, or one of its files.
-        namespace: that of the node, such as `/rb1`, if the bag has several nodes.
+        namespace: the namespace of the node, such as `/rb1`, if the bag has several nodes.
 
     Raises:
         ExtraMissingError: `rosbags` is not installed.
-        InvalidArgumentError: the bag cannot be read, or has none of these messages, or has those
-            of several nodes.
-        StoreError: the knowledge base cannot be written; what was taken over stays.
+        InvalidArgumentError: the bag cannot be read, has no such messages, or has messages of
+            several nodes.
+        StoreError: the knowledge base cannot be written; imported revisions stay.
     """
     path, before, takers = Path(path), kb.revision, _takers(kb)
     known = _known(kb, _read(path, takers, namespace))
@@ -137,7 +137,7 @@ def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = N
 
 
 def _known(kb: KnowledgeBase, messages: Iterable[_Said]) -> int:
-    """Return how many messages come up to the last one that is in the knowledge base."""
+    """Return the number of messages up to the last imported one."""
     taken: set[object] = set()
     for revision in kb.store.revisions():
         source = revision.source
@@ -155,8 +155,8 @@ class _Kinds(str):
 
 
 def _takers(kb: KnowledgeBase) -> dict[_Key, _Taker]:
-    """Return what takes over a message, by the key of its topic."""
-    made: Any = None  # the modules of messages, of which an import makes none
+    """Return the functions that import messages, by the key of their topic."""
+    made: Any = None  # the modules of messages: an import makes no messages
     empty: Any = _Kinds("std_srvs").Empty
     services = (
         *paper.services(DaoFactory.of(factory_of(kb)), made, _Kinds("kant_msgs"), empty),
@@ -171,7 +171,7 @@ def _takers(kb: KnowledgeBase) -> dict[_Key, _Taker]:
 
 
 def _replay(kb: KnowledgeBase, revision: Any) -> None:
-    """Write the changes of a revision again."""
+    """Repeat the changes of a revision."""
     daos: dict[str, Any] = {
         **{"type": kb.types, "object": kb.objects, "predicate": kb.predicates},
         **{"function": kb.functions, "action": kb.actions, "value": kb.function_values},
@@ -179,7 +179,7 @@ def _replay(kb: KnowledgeBase, revision: Any) -> None:
     }
     saved = {_element(one) for one in revision.changes if one.sign == "+"}
     kinds = list(daos)
-    # What others are built on is saved before them, and deleted after them.
+    # Dependencies are saved before their dependants, and deleted after them.
     for sign, chosen in (("-", kinds[:4:-1]), ("+", kinds), ("-", kinds[4::-1])):
         for kind in chosen:
             for one in revision.changes:
@@ -192,13 +192,13 @@ def _replay(kb: KnowledgeBase, revision: Any) -> None:
 
 
 def _element(change: Any) -> tuple[str, str]:
-    """Return what a change is of: a definition or a fluent is replaced, a fact is not."""
+    """Return the element of a change: a definition or a fluent is replaced, a fact is not."""
     found = None if change.kind in ("fact", "goal") else _NAMED.match(change.text)
     return change.kind, change.text if found is None else found[1]
 
 
 def _read(path: Path, keys: Collection[_Key], namespace: str | None) -> Iterator[_Said]:
-    """Yield what a bag has of one node, in the order of the bag."""
+    """Yield the messages of one node, in the order of the bag."""
     with needing("this needs rosbags; run: pip install 'kant-sql[bags]'"):
         from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
         from rosbags.rosbag2 import Reader, storage_mcap
@@ -222,7 +222,7 @@ def _read(path: Path, keys: Collection[_Key], namespace: str | None) -> Iterator
     except KantSqlError:
         raise
     except Exception as error:
-        # Of a damaged file, rosbags raises whatever comes.
+        # rosbags raises any error for a damaged file.
         raise InvalidArgumentError(f"cannot read the bag {path}: {error}; {_REPAIR}") from error
 
 

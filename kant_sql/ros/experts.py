@@ -1,8 +1,8 @@
 """The services of PlanSys2's domain expert, problem expert and planner, on a knowledge base.
 
-Names, messages and answers are those of PlanSys2 (ros2_planning_system); what its messages cannot
-hold, such as a preference, is answered with an error that says so. A service of PlanSys2 that
-changes nothing, because what it asks for is so already, writes no revision here.
+Names, messages and answers are those of PlanSys2 (ros2_planning_system). If its messages cannot
+express something, such as a preference, the answer is an error that names it. A request that
+changes nothing writes no revision.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ..pddl.lexer import STRING, Text
 from .node_trees import FUNCTION, PREDICATE, Messages, Scope, read_node, read_tree, write_tree
 from .service import Service
 
-# Seconds that the planner takes at most, as PlanSys2's.
+# The maximum seconds of the planner, as in PlanSys2.
 LONGEST = 15.0
 # Seconds from one step to the next in a plan without times, as POPF writes it: PlanSys2's executor
 # takes steps of one time as simultaneous.
@@ -33,7 +33,7 @@ STEP = 0.001
 # Texts in messages are PDDL, and never paths.
 _pddl = partial(Text, STRING)
 
-# What answers a service, by its name, its interface, and the field of the response that it fills.
+# The function of a service, with its name, its interface, and the response field that it fills.
 _Rows = Mapping[str, Callable[[Any], object]]
 
 
@@ -145,7 +145,7 @@ class DomainExpert:
 
 
 def _scope(typed: Sequence[TypedName], given: Sequence[str] = ()) -> Scope:
-    """Name parameters as they are given, and the others by their place."""
+    """Name parameters as given, and the others by their position."""
     terms = [*given, *(f"?{index}" for index in range(len(given), len(typed)))]
     return tuple((fold(each.name), term) for each, term in zip(typed, terms, strict=False))
 
@@ -157,7 +157,7 @@ def _parts(action: Action) -> Mapping[str, Sequence[Formula]]:
     found: defaultdict[str, list[Formula]] = defaultdict(list)
     for what, parts in (("requirements", action.condition), ("effects", action.effect)):
         for part in parts:
-            # What has no time, such as a preference, is refused where it is written.
+            # The writer refuses parts without a time, such as a preference.
             time = getattr(part, "time", AT_START).replace(" ", "_")
             found[f"{time}_{what}"].append(part.formula if isinstance(part, Timed) else part)
     return found
@@ -183,7 +183,7 @@ def _parameters(
 def _nodes(
     parts: Iterable[Formula], messages: Messages, scope: Scope = (), is_effect: bool = False
 ) -> Any:
-    """Write a conjunction of formulas as the nodes of a tree; of none as no node."""
+    """Write a conjunction of formulas as the nodes of a tree; without formulas, no node."""
     flat = [one for each in parts for one in (each.formulas if isinstance(each, And) else (each,))]
     return write_tree(And(tuple(flat)), messages, scope, is_effect=is_effect) if flat else []
 
@@ -228,7 +228,7 @@ class ProblemExpert:
         return _services("problem_expert/", kinds, rows)
 
     def knowledge(self) -> Any:
-        """Write what holds as a `plansys2_msgs/msg/Knowledge`."""
+        """Write the state as a `plansys2_msgs/msg/Knowledge`."""
         goals = self._kb.goals.get_all()
         return self._made.Knowledge(
             instances=[each.name for each in self.instances()],
@@ -305,7 +305,7 @@ class ProblemExpert:
     def _remove_instance(self, request: Any) -> None:
         stored = self._stored(request.param.name)
         if stored.is_constant:
-            # Its actions would go with it.
+            # That would also delete its actions.
             raise InvalidKnowledgeError(f"{stored} is a constant; only the domain can leave it out")
         self._kb.objects.delete(stored)
 

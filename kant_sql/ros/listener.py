@@ -1,4 +1,4 @@
-"""Follow the revisions of a node: each once, in order, whatever is lost or restarted meanwhile."""
+"""Follow the revisions of a node: each once, in order, despite losses and restarts."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-# Seconds between looks whether revisions are missing, and until a question counts as lost.
+# Seconds between checks for missing revisions, and until a request counts as lost.
 PERIOD, PATIENCE = 1.0, 5.0
 
 
 class Follower:
-    """Delivers revisions in order, and asks for those that are missing.
+    """Delivers revisions in order, and requests missing ones.
 
     Attributes:
-        last: the number of the last revision that was delivered.
+        last: the number of the last delivered revision.
     """
 
     def __init__(self, deliver: Callable[[Any], object], ask: Callable[[int], bool], after: int):
         self.last = after
         self._deliver, self._ask = deliver, ask
-        # The newest that is known of; None until the node has said so.
+        # The newest known revision; None until the node reports one.
         self._head: int | None = None
         self._asked = -PATIENCE
         # The threads of an executor may bring a message and an answer at the same time.
         self._lock = threading.RLock()
 
     def look(self) -> None:
-        """Ask for what is missing, unless that was done lately."""
+        """Request missing revisions, unless that was done lately."""
         with self._lock:
             is_behind = self._head is None or self.last < self._head
             now = time.monotonic()
@@ -36,7 +36,7 @@ class Follower:
                 self._asked = now
 
     def take(self, revisions: Iterable[Any], head: int = 0, is_answer: bool = False) -> None:
-        """Deliver the next ones of these; `head` is the number of the newest there is."""
+        """Deliver the next of these revisions; `head` is the number of the newest one."""
         with self._lock:
             before = self.last
             for revision in revisions:
@@ -58,9 +58,9 @@ def follow(
     Args:
         node: the caller's node.
         deliver: takes a `kant_sql_msgs/msg/Revision`; if it raises, it gets the same one again.
-        after: the last revision that was taken, 0 for none: keep the follower's `last`, and give
-            it here after a restart.
-        name: the name of the node that is followed, with its namespace.
+        after: the last processed revision, 0 for none: store the follower's `last`, and pass it
+            here after a restart.
+        name: the name of the node to follow, with its namespace.
     """
     from kant_sql_msgs.msg import Revision
     from kant_sql_msgs.srv import GetRevisions

@@ -1,6 +1,6 @@
-"""The lifecycle node: it opens a knowledge base when it is configured, and answers while active.
+"""The lifecycle node: it opens a knowledge base when configured, and answers while active.
 
-It needs `rclpy`, which comes with ROS 2 and not from an index of Python packages.
+It needs `rclpy`, which comes with ROS 2, not from a Python package index.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ from .skills import PlanServer
 
 logger = logging.getLogger(__name__)
 
-# Calls that may take long at the same time, and the seconds after which one has taken long.
+# Parallel long calls, and the seconds after which a call counts as long.
 THREADS, LONG = 8, 0.05
 # Seconds before new revisions are read, as the answer to who wrote them goes first; after an error.
 PAUSE, PAUSE_AFTER_ERROR = 0.02, 0.5
-# Seconds between looks whether the node is to end: rclpy wakes up for a signal once, and perhaps
-# before the signal has ended the context.
+# Seconds between checks whether to end: rclpy wakes up once for a signal, perhaps before the signal
+# has ended the context.
 LOOK = 1.0
-# PlanSys2's publishers keep as many messages for those who come late.
+# PlanSys2's publishers keep as many messages for late subscribers.
 _LATE = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 # The events of a service: deep enough for a recorder that is held up for a moment.
 _EVENTS = QoSProfile(depth=1000)
@@ -68,13 +68,13 @@ def _transition(step: Callable[[KnowledgeNode], None]) -> Callable[..., Transiti
 
 
 class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
-    """Answers the services of the paper's node and of PlanSys2's experts from a knowledge base.
+    """Answers the services of KANT's node and of PlanSys2's experts from a knowledge base.
 
-    Parameters of the node: `url`, the database, by default what the environment variable
-    `KANT_SQL_URL` has; `knowledge_base`, its name; `actor`, who writes (the name of the node by
-    default); `introspection`, whether calls of services are published for recorders, with their
-    contents; `autostart`, whether it is configured and active at once (both false by default).
-    Services whose interfaces are not installed are left out.
+    Parameters of the node: `url`, the database, by default the environment variable `KANT_SQL_URL`;
+    `knowledge_base`, its name; `actor`, who writes (by default the name of the node);
+    `introspection`, whether calls of services are published for recorders, with their contents;
+    `autostart`, whether it is configured and active at once (both false by default). It omits
+    services whose interfaces are not installed.
     """
 
     def __init__(self, url: str = "", knowledge_base: str = "default", actor: str = "") -> None:
@@ -86,7 +86,7 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
         given = {"url": shown, "knowledge_base": knowledge_base, "actor": actor}
         for name, default in {**given, "introspection": False, "autostart": False}.items():
             self.declare_parameter(name, default)
-        # Changes are made in the order in which they come; questions do not wait for one another.
+        # Changes are made in order of arrival; questions do not wait for each other.
         self._groups = MutuallyExclusiveCallbackGroup(), ReentrantCallbackGroup()
         self._kb: KnowledgeBase | None = None
         self._active = ExitStack()
@@ -126,7 +126,7 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
 
     @_transition
     def on_deactivate(self) -> None:
-        """Withdraw the services and the topics; questions that are being answered end."""
+        """Withdraw the services and the topics; running questions end."""
         self._active.close()
 
     @_transition
@@ -155,7 +155,7 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
             yield from planner_services(messages, kinds)
 
     def _noticed(self, expert: ProblemExpert, messages: Any, kinds: Any) -> Iterator[Service]:
-        """Publish what the problem expert knows after each call that may have changed it."""
+        """Publish the problem expert's knowledge after each call that may have changed it."""
         empty = importlib.import_module("std_msgs.msg").Empty
         notify = self._publisher(empty, "problem_expert/update_notify", 100)
 
@@ -197,7 +197,7 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
         return publisher
 
     def _guarded(self, service: Service, limit: Limit) -> Callable[[Any, Any], Any]:
-        """Answer with the error of a request that cannot be answered; the node goes on."""
+        """Answer a failed request with its error; the node continues."""
 
         def answer(request: Any, response: Any) -> Any:
             said = ""
@@ -242,7 +242,7 @@ class KnowledgeNode(LifecycleNode):  # type: ignore[misc]
 
 
 class Threads(Executor):  # type: ignore[misc]
-    """Runs services in threads, and waits a little for each, as most end soon.
+    """Runs services in threads, and waits briefly for each, because most end soon.
 
     rclpy's MultiThreadedExecutor prepares the next wait meanwhile, in Python: a save through it
     took 45 % longer than in one thread, and takes 6 % longer here.
@@ -271,7 +271,7 @@ class Threads(Executor):  # type: ignore[misc]
 
 
 class _Log(logging.Handler):
-    """Passes what the library logs on to the node's log, and so to /rosout."""
+    """Passes the library's log on to the node's log, and so to /rosout."""
 
     def __init__(self, node: KnowledgeNode) -> None:
         super().__init__()
@@ -288,7 +288,7 @@ class _Log(logging.Handler):
 
 
 def _complain(what: str, error: Exception) -> None:
-    """Log an error; one that nobody foresaw has its traceback."""
+    """Log an error; an unexpected one with its traceback."""
     shown = None if isinstance(error, KantSqlError) else error
     logger.error("%s: %s", what, error, exc_info=shown)
 
@@ -309,11 +309,11 @@ def main(arguments: Sequence[str] | None = None, **given: str) -> None:
 
     Args:
         arguments: the arguments of ROS 2, such as `--ros-args -r __ns:=/rb1`.
-        **given: `url`, `knowledge_base` and `actor`; with them it starts at once, or not at all.
+        **given: `url`, `knowledge_base` and `actor`; with these it starts at once, or not at all.
 
     Raises:
         InvalidArgumentError: ROS 2 cannot read `arguments`.
-        SystemExit: the node could not be configured, as its log says.
+        SystemExit: the node could not be configured; its log says why.
     """
     try:
         rclpy.init(args=list(sys.argv if arguments is None else arguments))

@@ -1,9 +1,9 @@
 """Formulas as the node trees of PlanSys2's messages, in both directions.
 
-A tree is a list of nodes that refer to their children by position, the root first. It is read as
-PDDL text, which the library's reader checks against the domain. There is no node for `imply` and
-`forall`, which are written by what they mean (PDDL 2.1, section 2: `(or (not a) b)`, `(not (exists
-... (not a)))`), and none for an operation on more than two numbers.
+A tree is a list of nodes that refer to their children by position, the root first. It is converted
+to PDDL text, which the library's reader checks against the domain. There is no node for `imply` and
+`forall`, which become equivalent trees (PDDL 2.1, section 2: `(or (not a) b)`, `(not (exists ...
+(not a)))`), and none for an operation on more than two numbers.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _WORDS = {
     **{(MODIFIER, 0, number): word for number, word in enumerate(f.ASSIGNMENTS, 22)},
 }
 _NUMBERS = {word: numbers for numbers, word in _WORDS.items()}
-# Names of variables in scope, folded, each with what is written for it.
+# Folded names of variables in scope, each with its name in the tree.
 Scope = tuple[tuple[str, str], ...]
 
 
@@ -44,7 +44,7 @@ class NodeMessage(Protocol):
 
 
 class Messages(NamedTuple):
-    """How messages are made.
+    """The classes and names for making messages.
 
     Attributes:
         made: `plansys2_msgs.msg`, which has the classes of messages.
@@ -57,7 +57,7 @@ class Messages(NamedTuple):
     subtypes: Mapping[str, Sequence[str]]
 
     def make_param(self, name: str, types: tuple[str, ...] = ("",), all_types: bool = False) -> Any:
-        """Make a parameter; with `all_types`, with the types of an `either` and those below."""
+        """Make a parameter; with `all_types`, with the types of an `either` and their subtypes."""
         below = [each for one in types for each in self.subtypes.get(fold(one), ())]
         sub_types = [*(types if types[1:] else ()), *below] if all_types else []
         return self.made.Param(name=name, type=either_text(types), sub_types=sub_types)
@@ -70,10 +70,10 @@ def read_tree(nodes: Sequence[NodeMessage]) -> str:
         nodes: the nodes, the root first. `negate` of a node is ignored: a negation is a node.
 
     Returns:
-        PDDL text, for example for `kb.goals.save` or `kb.holds`, which check what it says.
+        PDDL text, for example for `kb.goals.save` or `kb.holds`, which check it.
 
     Raises:
-        InvalidKnowledgeError: the nodes are no tree, or PDDL text cannot express one of them.
+        InvalidKnowledgeError: the nodes are not a tree, or PDDL text cannot express one of them.
     """
     words: list[str] = []
     unread = dict(enumerate(nodes))
@@ -108,7 +108,7 @@ def read_node(node: NodeMessage) -> str:
 
 
 def _parentheses(node: NodeMessage | None) -> tuple[str, str]:
-    """Return the text of a node before its children, and after them."""
+    """Return the text of a node before and after its children."""
     if node is None:
         raise InvalidKnowledgeError("there is none, or it has two parents")
     kind, count = node.node_type, len(node.children)
@@ -171,7 +171,7 @@ def write_tree(
 
 
 def _plain(part: f.Node, is_effect: bool) -> f.Node:
-    """Say a part by what a tree can hold; operations on numbers nest from the left."""
+    """Rewrite a part into forms that a tree has; operations on numbers nest from the left."""
     match part:
         case f.Imply(condition, formula):
             return f.Or((f.Not(condition), formula))
@@ -184,7 +184,7 @@ def _plain(part: f.Node, is_effect: bool) -> f.Node:
 
 
 def _describe(node: Any, part: f.Node, messages: Messages, names: Mapping[str, str]) -> None:
-    """Fill in what a node says of itself."""
+    """Fill in the fields of a node."""
     match part:
         case f.Atom(name, terms) | f.Fluent(name, terms):
             node.node_type, node.name = PREDICATE if isinstance(part, f.Atom) else FUNCTION, name

@@ -1,7 +1,7 @@
-"""The services of the paper's node: get, update and delete all, for five kinds of elements.
+"""The services of KANT's node: get, update and delete all, for five kinds of elements.
 
-The messages of `kant_msgs` and what a service answers are those of the original's node (KANT,
-2022); what is stored, and what is refused, is that of `kant_sql.compat`.
+The messages of `kant_msgs` and the answers are those of the original node (KANT, 2022);
+`kant_sql.compat` decides what is stored and what is refused.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ logger = logging.getLogger(__name__)
 SAVE, DELETE = 0, 1
 ALL, GOALS, NO_GOALS, BY_PREDICATE = 1, 2, 3, 4
 
-# What has services, and literals: a message PddlX has the fields of a PddlXDto.
+# The kinds with services, and literals: a message PddlX has the fields of a PddlXDto.
 _FIELDS: dict[str, tuple[str, ...]] = {
     "Type": ("name",),
     "Object": ("type", "name"),
@@ -52,7 +52,7 @@ def _read(kind: str | None, given: Any) -> Any:
         return dto.PddlEitherTypeDto(map(dto.PddlTypeDto, given.name.strip("()").split()[1:]))
     fields = {name: getattr(given, _SPELT.get(name, name)) for name in _FIELDS[kind]}
     if "time" in fields:
-        # A text cannot be None, so that an empty time says it.
+        # A text cannot be None, so an empty time means None.
         fields["time"] = given.time or None
     made = {name: _read(_PARTS.get(name), value) for name, value in fields.items()}
     return getattr(dto, f"Pddl{kind}Dto")(**made)
@@ -132,7 +132,7 @@ def _update(kind: str, dao: Any, request: Any, response: Any) -> None:
     stored = dao.get(given.name) if kind == "Action" else None
     exact = getattr(stored, "duration", None)
     if isinstance(exact, float | Decimal) and ceil(exact) == given.duration:
-        # What a client has read rounded, and writes back, stays as it is.
+        # A value that a client read rounded, and writes back, stays unchanged.
         given.duration = exact
     response.success = dao.save(given) if number == SAVE else dao.delete(given)
 

@@ -1,4 +1,4 @@
-"""A service of the node: what it is called, and what answers it."""
+"""A service of the node: its name, its interface and its function."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Service(NamedTuple):
     Attributes:
         name: its name, relative to the node's namespace.
         kind: the class of its interface.
-        answer: fills a response for a request; an error that it raises is the response's.
+        answer: fills the response to a request; its error becomes the error of the response.
     """
 
     name: str
@@ -21,6 +21,6 @@ class Service(NamedTuple):
 
     @property
     def is_question(self) -> bool:
-        """Whether it changes nothing."""
+        """Whether it only reads."""
         verbs = "get_", "exist_", "is_", "query", "validate_"
         return self.name.rpartition("/")[2].startswith(verbs)

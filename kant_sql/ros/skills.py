@@ -17,12 +17,12 @@ from ..errors import KantSqlError
 from ..knowledge_base import KnowledgeBase, state_of
 from ..reasoning.execute import ExecutedPlan, Executive
 
-# Plans at once: each has a thread of the node. Seconds to wait for a server, and between looks.
+# Parallel plans: each has a thread of the node. Seconds to wait for a server, and between checks.
 GOALS, PATIENCE, LOOK = 4, 5.0, 0.1
 
 
 class SkillError(Exception):
-    """An action server did not do its step; `code` says why."""
+    """An action server did not execute its step; `code` says why."""
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(text)
@@ -60,7 +60,7 @@ class PlanServer:
         )
 
     def close(self) -> None:
-        """Abort the plans that run, and withdraw the action."""
+        """Abort running plans, and withdraw the action."""
         self.is_closed.set()
         for goal in [*self._goals.values()]:
             goal.end()
@@ -97,7 +97,7 @@ class PlanServer:
 
 
 class _Goal:
-    """A plan that is being executed."""
+    """A running plan."""
 
     def __init__(self, server: PlanServer, handle: Any) -> None:
         self._server, self._handle = server, handle
@@ -107,7 +107,7 @@ class _Goal:
         self._is_over = threading.Event()
 
     def end(self) -> None:
-        """Abort what runs."""
+        """Abort the running steps."""
         self._is_over.set()
         if self._executive is not None:
             self._executive.give_up()
@@ -116,7 +116,7 @@ class _Goal:
         """Execute the plan, and return the result of the goal."""
         request, made = self._handle.request, self._server.made
         text = request.plan.strip()
-        # With a line's end it is no path.
+        # Text with a line end is not a path.
         plan: int | str = int(text) if text.isdecimal() else f"{text}\n"
         try:
             state = state_of(self._server.kb)
@@ -151,7 +151,7 @@ class _Goal:
             self._handle.publish_feedback(feedback)
 
     def _perform(self, step: Execution) -> None:
-        """Have a step done by the action server of its action's name."""
+        """Let the action server of the action's name execute a step."""
         server, outcome = self._server, "failed"
         name = step.action.replace("-", "_")
         kind = server.made.Perform
@@ -169,7 +169,7 @@ class _Goal:
             skill = self._wait(client, lambda: client.send_goal_async(goal, say))
             if not skill.accepted:
                 raise SkillError("rejected", f"the server of {name} rejects {step}")
-            if step.id in self._skills:  # It was called off before.
+            if step.id in self._skills:  # It was cancelled before.
                 skill.cancel_goal_async()
             self._skills[step.id] = skill
             answer = self._wait(client, skill.get_result_async)
@@ -199,7 +199,7 @@ class _Goal:
         return future.result()
 
     def _cancel(self, step: Execution) -> None:
-        """Cancel the goal of a step that is called off."""
+        """Cancel the goal of a cancelled step."""
         skill = self._skills.setdefault(step.id, None)
         if skill is not None:
             skill.cancel_goal_async()

@@ -1,7 +1,7 @@
-"""Questions: whether a condition holds in a state, and for which objects.
+"""The statements of questions: whether a condition holds, and for which objects.
 
-A statement begins with the head, so that the reader sees whether the definitions that it was
-written with are still those of the state.
+A statement begins with the head, so the reader sees whether its definitions are still those of the
+state.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .relations import (
 
 _HEAD = "(SELECT h.{0} FROM head AS h WHERE h.kb_id = :kb)"
 _GUARD = f"{_HEAD.format('definition_revision')}, {_HEAD.format('archived_revision')}"
-# How many columns of a statement come before those that were asked for.
+# The number of columns before those of the answers.
 GUARDS = 2
 _TO_JSON = json.JSONEncoder(separators=(",", ":")).encode
 
@@ -60,9 +60,9 @@ class Question:
     def answers(
         self, part: Part, columns: Sequence[Column], places: Mapping[Slot, str], is_limited: bool
     ) -> ConditionStatement:
-        """Write the statement of the objects for which a part holds, as ids, in order.
+        """Write the statement that finds the objects for which a part holds, as ids, in order.
 
-        Its first row is that of the head.
+        Its first row is the head.
         """
         select = self._select(part, columns, places)
         width = max(len(columns), GUARDS)
@@ -84,13 +84,13 @@ class Question:
     def readable(
         self, part: Part, columns: Sequence[Column], places: Mapping[Slot, str], is_limited: bool
     ) -> ConditionStatement:
-        """Write the statement of the names of those objects, for a reader."""
+        """Write the statement that finds the names of those objects, for people."""
         select = self._select(part, columns, places)
         if not columns:
             return self._compiler.statement(
                 f"SELECT CASE WHEN EXISTS ({select}) THEN 1 ELSE 0 END AS holds"
             )
-        # No join: with those of the condition it might have too many tables.
+        # No join: together with the condition's joins there might be too many tables.
         names = ", ".join(
             f"(SELECT o{n}.name FROM object AS o{n} WHERE o{n}.kb_id = :kb "
             f"AND o{n}.id = answers.c{n}) "
@@ -160,7 +160,7 @@ class Question:
 
 
 class Reader(NamedTuple):
-    """Runs statements on a state, each with what has to be computed before it."""
+    """Runs statements on a state, each after the computations that it needs."""
 
     session: Session
     kb: int | None
@@ -176,7 +176,7 @@ class Reader(NamedTuple):
     def literal_values(
         self, statement: ConditionStatement, given: Mapping[str, Any]
     ) -> dict[str, Any]:
-        """Return the values of a statement's parameters, what is computed first included."""
+        """Return the values of a statement's parameters, including computed ones."""
         values = {"kb": self.kb, **statement.values, **given}
         if self.at is not None:
             values |= {"at": self.at, "forks": forks_at(self.at)}

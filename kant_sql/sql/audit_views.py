@@ -1,6 +1,6 @@
-"""The audit's views: their columns and types, and their rows, also as Arrow, batch by batch.
+"""The audit views: their columns and types, and their rows, also as Arrow, in batches.
 
-`docs/audit.md` describes what they mean. On SQLite, a time is a text and a truth is 0 or 1.
+`docs/audit.md` describes them. On SQLite, a time is a text and a truth value is 0 or 1.
 pyarrow, of the extra `data`, is imported on first use.
 """
 
@@ -30,7 +30,7 @@ PREFIX = "audit_"
 
 
 class ColumnType(Enum):
-    """What the values of a column are; any may be NULL."""
+    """The types of columns; any value may be NULL."""
 
     TEXT = "text"
     INTEGER = "integer"
@@ -44,8 +44,8 @@ class AuditView(NamedTuple):
 
     Attributes:
         order: the columns that sort its rows; no two rows have the same values in all of them.
-        window: the condition that a row is of the revisions from `:low` to `:high`; None where
-            rows are of no revision.
+        window: the condition that a row belongs to the revisions from `:low` to `:high`; None if
+            rows belong to no revision.
     """
 
     name: str
@@ -70,7 +70,7 @@ _TYPES = {
 
 @cache
 def _columns() -> dict[str, dict[str, ColumnType]]:
-    """Read the columns of each view from the record of what the migrations make."""
+    """Read the columns of each view from the recorded schema of the migrations."""
     heads = (_HEAD.match(statement.text) for statement in recorded(TYPED))
     return {
         head[1]: {
@@ -82,7 +82,7 @@ def _columns() -> dict[str, dict[str, ColumnType]]:
     }
 
 
-# An interval is in a window in which it began, held or ended.
+# A window includes intervals that began, held or ended in it.
 _HELD = "since <= :high AND COALESCE(until >= :low, TRUE)"
 _KNOWN = "known_since <= :high AND COALESCE(known_until >= :low, TRUE)"
 _MADE = "revision BETWEEN :low AND :high"
@@ -140,7 +140,7 @@ def find_audit_view(name: object) -> AuditView:
 
 @cache
 def rows_of_view(name: str, windowed: bool = False) -> Query:
-    """Read the rows of a view that are of one knowledge base."""
+    """Read the rows of a view for one knowledge base."""
     return _rows_of(AUDIT_VIEWS[name], table(name), windowed)
 
 
@@ -182,7 +182,7 @@ BATCH_CHARACTERS = 16_000_000
 
 
 def import_arrow() -> Any:
-    """Import pyarrow, or say how to install it."""
+    """Import pyarrow; the error says how to install it."""
     with needing("this needs pyarrow, which is not installed; run: pip install 'kant-sql[data]'"):
         import pyarrow
     return pyarrow
@@ -206,7 +206,7 @@ def stream_view(
 ) -> Iterator[pyarrow.RecordBatch]:
     """Read the rows of a view that are of one knowledge base, and of some revisions if bounded."""
     schema = arrow_schema(view)
-    # The texts of a row: they alone can be long.
+    # The texts of a row: only they can be long.
     types = enumerate(view.columns.values())
     texts_of = itemgetter(*(number for number, type_ in types if type_ is ColumnType.TEXT))
     batches = _batched(stream_rows(session, view, kb_id, bounds), texts_of)
@@ -220,15 +220,15 @@ def stream_view(
 
 
 def read_view(session: Session, view: AuditView, kb_id: int) -> pyarrow.Table:
-    """Read all rows of a view that are of one knowledge base."""
+    """Read all rows of a view for one knowledge base."""
     batches = [*stream_view(session, view, kb_id)]
     return import_arrow().Table.from_batches(batches, arrow_schema(view))
 
 
 def text_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> pyarrow.Table:
-    """Make a table of texts; without columns it still has its number of rows."""
+    """Make a table of texts; without columns it still has the number of rows."""
     arrow = import_arrow()
-    # Two variables may have one name but for their case, and no column at all has no length.
+    # Two variables may differ only in case, and a table without columns has no length.
     arrays = [arrow.nulls(len(rows))]
     arrays += [
         arrow.array([row[number] for row in rows], arrow.string()) for number in range(len(columns))
@@ -266,12 +266,12 @@ def _array(values: Sequence[Any], type_: Any) -> Any:
 
 
 def _truths(values: Sequence[Any], type_: Any) -> Any:
-    """Convert what SQLite has as 0 and 1, too."""
+    """Convert truth values, which SQLite stores as 0 and 1."""
     return _array([None if value is None else bool(value) for value in values], type_)
 
 
 def _times(values: Sequence[Any], type_: Any) -> Any:
-    """Convert what SQLite has as text, too."""
+    """Convert times, which SQLite stores as text."""
     if any(isinstance(value, str) for value in values):
         return _array(values, import_arrow().string()).cast(type_)
     return _array(values, type_)

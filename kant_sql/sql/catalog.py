@@ -1,4 +1,4 @@
-"""A store as a whole: the names and heads of its knowledge bases, and a copy of it in a file."""
+"""A whole store: the names and heads of its knowledge bases, and backups."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _STATES = of_written(
 
 
 def read_heads(session: Session) -> list[tuple[int, str, int, str, datetime, int]]:
-    """Read id, name, last revision, its hash and time, what is archived, of each that has one."""
+    """Read id, name, last revision with hash and time, and archived revision, of written ones."""
     return [
         (id_, name, revision, digest, session.to_time(committed_at), archived)
         for id_, name, revision, digest, committed_at, archived in session.rows(_STATES)
@@ -69,7 +69,7 @@ def complete_verifications(url: str) -> dict[str, datetime]:
     with _opened(url) as session:
         found = {}
         for name, raw in session.rows(_COMPLETE):
-            # What cannot be read cannot have been kept.
+            # A table that cannot be read has no kept verification.
             with suppress(*UNREADABLE):
                 found[name] = session.to_time(raw)
         return found
@@ -83,9 +83,9 @@ def revision_counts(url: str) -> dict[str, int]:
 
 @contextmanager
 def removed_on_failure(url: str) -> Iterator[None]:
-    """Remove the SQLite file that the block creates, when the block fails.
+    """Remove the SQLite file that the block creates if the block fails.
 
-    A file that is in use, or holds a revision, stays.
+    A file that is in use, or has a revision, stays.
     """
     with closing(create_backend(url)) as backend:
         is_new = not backend.exists()
@@ -93,20 +93,20 @@ def removed_on_failure(url: str) -> Iterator[None]:
             yield
         except BaseException as error:
             if is_new:
-                # A cursor that a signal came between keeps the file in use.
+                # A cursor that a signal interrupted keeps the file in use.
                 traceback.clear_frames(error.__traceback__)
                 backend.remove(ANY_REVISION)
             raise
 
 
 def written_names(url: str) -> list[str]:
-    """List the names of the knowledge bases of a store that have a revision. Nothing is created."""
+    """List the names of the knowledge bases of a store that have a revision; create nothing."""
     check(url)
     return [*revision_counts(url)]
 
 
 def every_name(url: str) -> list[str]:
-    """List the knowledge bases of a store, those without a revision or a head, too."""
+    """List the knowledge bases of a store, including those without a revision or a head."""
     check(url)
     with _opened(url) as session:
         return [name for (name,) in session.rows(_EVERY_NAME)]
@@ -132,22 +132,22 @@ def backup(
     *,
     progress: Callable[[int, int], None] | None = None,
 ) -> Backup:
-    """Copy an SQLite store into a new file, while others read and write it.
+    """Copy an SQLite store into a new file while others read and write it.
 
-    The copy is the store as it is at one moment, with each revision whole, whatever version its
-    tables have. The file appears when it is complete and on the disk; otherwise there is none.
+    The copy has the state at one moment, with whole revisions, for tables of any version. The file
+    appears when it is complete and on the disk; a failed backup leaves none.
 
     Args:
         url: the database URL.
         file: the new file; an existing one is never overwritten.
-        progress: called with the pages that are copied and their number.
+        progress: called with the number of copied pages, and their total.
 
     Returns:
         The file, and its knowledge bases.
 
     Raises:
-        InvalidArgumentError: the file exists; the store is a server, whose own program the message
-            names; or it is in memory.
+        InvalidArgumentError: the file exists; the store is on a server, whose own program the
+            message names; or it is in memory.
         SchemaMissingError: there is no such store.
         StoreError: the store cannot be read, or the file cannot be written.
 
@@ -192,7 +192,7 @@ def _refuse_existing(path: Path) -> None:
 
 
 def _begin(path: Path) -> Path:
-    """Create the file that a copy is written to, beside its later place."""
+    """Create a temporary file beside the final one."""
     import tempfile
 
     try:
@@ -204,7 +204,7 @@ def _begin(path: Path) -> Path:
 
 
 def _complete(part: Path, path: Path) -> int:
-    """Give a complete copy its name, durably, and return its size."""
+    """Rename a complete copy durably, and return its size."""
     with part.open("rb+") as file:
         os.fsync(file.fileno())
         size = os.fstat(file.fileno()).st_size
@@ -212,7 +212,7 @@ def _complete(part: Path, path: Path) -> int:
         # Unlike a rename, this never replaces a file.
         os.link(part, path)
     except OSError:
-        # Not each file system has links.
+        # Some file systems have no links.
         _refuse_existing(path)
         part.rename(path)
     # Windows cannot open a folder.

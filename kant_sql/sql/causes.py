@@ -1,7 +1,7 @@
-"""What an act may have used: executions that may have, what held right before, what they changed.
+"""Statements about causes: possible acts, the state right before them, and their changes.
 
-All statements take rows of ids, so that their number depends on neither acts nor facts; each row
-walks a bounded part of an index.
+All statements take rows of ids, so their number depends on neither acts nor facts; each row reads a
+bounded part of an index.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from .executions import Key
 from .intervals import FIND, FIND_VALUE, forks_at
 from .query import Query
 
-# Executions of an action or with an object, beyond which they are looked for by revision, and how
-# many revisions that searches.
+# Above this number, executions of an action or object are searched by revision; and the number of
+# revisions to search.
 FEW = 2_000
-# How many revisions for each execution that is wanted are searched before those.
+# Revisions to search first, for each wanted execution.
 NEAR = 4
 _ALL = 2**62
 # A predicate (True) or a function, its id, and the ids of objects.
@@ -34,7 +34,7 @@ _ATOMS = {True: ("proposition", "predicate"), False: ("function_value", "functio
 
 
 class WantedActs(NamedTuple):
-    """Executions of an action with objects in two places, whose outcome was set in a range.
+    """Executions of an action with up to two objects, whose outcome was set in a range.
 
     Attributes:
         action: the action's id.
@@ -81,12 +81,12 @@ _SAME = "{0}.kb_id = :kb AND {0}.plan_id = {1}.plan_id AND {0}.position = {1}.po
 
 
 def _found_by(loops: NestedLoops, by: str, is_planned: bool) -> str:
-    """Select the executions, or the steps of plans, that one access finds."""
+    """Select the executions, or the steps of plans, by one access path."""
     has_object = by in (_OBJECT, _BOTH)
-    # Without statistics, PostgreSQL would read all of the action for each that is joined.
+    # Without statistics, PostgreSQL would read all executions of the action for each joined row.
     execution = f"{_SAME.format('x', 'a' if has_object else 'v')} AND x.action_id + 0 = w.c0"
     span = "BETWEEN w.c3 AND w.c4"
-    # Without statistics, PostgreSQL would read all that began in these revisions for each act.
+    # Without statistics, PostgreSQL would read all versions of these revisions for each act.
     end, last = "v.since", f"{_SAME.format('v', 'x')} AND v.since + 0 {span}"
     table, at = "execution_version", f"v.kb_id = :kb AND v.since {span}"
     if is_planned:
@@ -118,23 +118,23 @@ def _acts(dialect: str, by: str) -> Query:
     loops, order = NESTED_LOOPS[dialect], "v.since DESC, x.plan_id DESC, x.position DESC"
     if by in (_RANGE, _BOTH):
         return Query(text(f"{_found_by(loops, by, False)} ORDER BY {order} LIMIT :size"))
-    # What was planned from a state is found by the plan's own index, not by that of revisions.
+    # Plans from a state have their own index, apart from that of revisions.
     parts = [_found_by(loops, by, is_planned) for is_planned in (False, True)]
     return Query(text(" UNION ALL ".join(parts)))
 
 
 _Acts = Collection[WantedActs]
-# By access: the executions, with the ranges of revisions in which they are wanted.
+# Access path -> the wanted executions, with their ranges of revisions.
 _Wanted = dict[str, dict[WantedActs, list[tuple[int, int]]]]
 
 
 def _accesses(
     session: Session, kb_id: int, definitions: Definitions, wanted: _Acts
 ) -> tuple[_Wanted, int]:
-    """Choose how executions are found, by counts; return the first revision of ranges, too."""
+    """Choose the access paths by counts; also return the first revision of ranges."""
     ids = {(1, one.action) for one in wanted}
     ids |= {(0, id_) for one in wanted for id_ in (one.object, one.other)}
-    # What has many keeps them: the record only grows.
+    # Large counts stay large: the record only grows.
     many = definitions.derived.setdefault(_accesses, {(0, 0): FEW + 1})
     counts = dict(many)
     if rest := [*ids - many.keys()]:
@@ -167,7 +167,7 @@ def find_acts(
     """Find executions, the newest first, and steps of plans behind, in a few statements.
 
     Returns:
-        What was found, and the first revision from which on all of it is.
+        The executions, and the first completely searched revision.
     """
     by, searched = _accesses(session, kb_id, definitions, wanted)
 
@@ -192,7 +192,7 @@ def find_acts(
         order = sorted(found, key=lambda one: (not one.is_planned, one.revision, one.key))
         return order[: -size - 1 : -1], first
 
-    # Where acts are frequent, the newest are in a few revisions: read again where not.
+    # Frequent acts are in the newest revisions; otherwise read again.
     found, first = newest(NEAR * size)
     if first and (len(found) < size or found[-1].is_planned or found[-1].revision < first):
         found, _ = newest(_ALL)
@@ -200,7 +200,7 @@ def find_acts(
 
 
 class HeldVersion(NamedTuple):
-    """The last version up to a revision: its ends (None: open), and its value, if it is one."""
+    """The last version up to a revision: its ends (None: open), and the value of a fluent."""
 
     since: int
     until: int | None
@@ -222,7 +222,7 @@ _VALUE = {True: "NULL, NULL", False: "v.value, v.object_id"}
 
 @cache
 def _held(dialect: str, is_fact: bool, by: str) -> Query:
-    """Read what held of owners at revisions; `by` is the column of an object that it is of."""
+    """Read the versions of owners at revisions; `by` is a column with an object."""
     loops, (identity, owner) = NESTED_LOOPS[dialect], _ATOMS[is_fact]
     own = f"v.kb_id = :kb AND v.{owner}_id = w.c0 AND v.fork = w.c1"
     own += f" AND v.{by} = w.c3" if by else ""
@@ -235,14 +235,14 @@ def _held(dialect: str, is_fact: bool, by: str) -> Query:
 
 
 class PastReader:
-    """Reads which versions of facts and values there were at many revisions at once."""
+    """Reads the versions of facts and values at many revisions at once."""
 
     def __init__(self, session: Session, kb_id: int, head: int) -> None:
         self._session = session
         self._kb_id = kb_id
         self._head = head
         self._ids: dict[Atom, int | None] = {}
-        # What was read; None: nothing.
+        # The read versions; None: there is none.
         self._held: dict[tuple[Atom, int], HeldVersion | None] = {}
 
     def versions(self, wanted: Collection[tuple[Atom, int]]) -> dict[tuple[Atom, int], HeldVersion]:
@@ -262,10 +262,10 @@ class PastReader:
         return {one: last for one in wanted if (last := self._held[one]) is not None}
 
     def fitting(self, wanted: Collection[tuple[Any, int]]) -> Iterator[tuple[Atom, int, Any]]:
-        """Yield what held of patterns at revisions, None for any object, with those and values."""
+        """Yield the facts and values of patterns at revisions; None in a pattern is any object."""
         asked: defaultdict[tuple[bool, str], set[tuple[int, int, int]]] = defaultdict(set)
         for (is_fact, owner, row), at in wanted:
-            # Values are not found by their objects.
+            # Values have no index by object.
             given = zip(_OBJECTS, row[: 2 * is_fact], strict=False)
             by, object_ = next((one for one in given if one[1] is not None), ("", 0))
             asked[is_fact, by].add((owner, at, object_))
@@ -314,7 +314,7 @@ def _objects(arguments: str) -> tuple[int, ...]:
 
 
 class ChangedAtom(NamedTuple):
-    """What a revision made of a fact or a value, until the next one; its text has no value."""
+    """A change of a fact or a value, until the next one; its text has no value."""
 
     revision: int
     atom: Atom
@@ -341,7 +341,7 @@ def _changed(dialect: str) -> Query:
 
 
 def changed_atoms(session: Session, kb_id: int, revisions: Iterable[int]) -> list[ChangedAtom]:
-    """Read which facts and values revisions changed."""
+    """Read the changes of facts and values in revisions."""
     query = _changed(session.backend.dialect.name)
     rows = session.rows(query, kb=kb_id, wanted=id_rows(revisions))
     found = [
@@ -350,14 +350,14 @@ def changed_atoms(session: Session, kb_id: int, revisions: Iterable[int]) -> lis
     ]
     found.sort(key=lambda one: (one.revision, not one.atom[0], not one.holds, one.atom))
     set_again = {(one.revision, one.atom) for one in found if one.holds}
-    # A value that is replaced ends where the next one begins.
+    # A replaced value ends where the next one begins.
     return [one for one in found if one.holds or (one.revision, one.atom) not in set_again]
 
 
 @cache
 def _origins(dialect: str) -> Query:
     loops, rows = NESTED_LOOPS[dialect], NESTED_LOOPS[dialect].rows("wanted", 1)
-    # As an equality, SQLite prefers the primary key, and reads all of the knowledge base.
+    # With an equality, SQLite prefers the primary key, and reads the whole knowledge base.
     acts = loops.loop("v", "execution_version", "v.kb_id = :kb AND v.since BETWEEN w.c0 AND w.c0")
     loads = loops.loop("v", "document_version", "v.kb_id = :kb AND v.since BETWEEN w.c0 AND w.c0")
     said = loops.loop("v", "revision_execution", "v.kb_id = :kb AND v.number BETWEEN w.c0 AND w.c0")
@@ -370,7 +370,7 @@ def _origins(dialect: str) -> Query:
 def find_origins(
     session: Session, kb_id: int, revisions: Collection[int]
 ) -> tuple[list[tuple[int, Key]], dict[int, str]]:
-    """Find the executions that revisions are of or set outcomes of, and the documents loaded."""
+    """Find the executions that revisions name or record, and the documents they load."""
     query = _origins(session.backend.dialect.name)
     rows = session.rows(query, kb=kb_id, wanted=id_rows(revisions))
     acts = [(row[0], (row[1], row[2])) for row in rows if row[1] is not None]

@@ -1,4 +1,4 @@
-"""Revisions, and what they changed: one line for each element that was asserted or retracted."""
+"""Revisions and their changes: one line for each asserted or retracted element."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ OWN_COLUMNS: tuple[Any, ...] = (
     t.RevisionRow.committed_at,
     t.RevisionRow.actor,
     t.RevisionRow.reason,
-    # As text: a driver decodes a JSON string, and the result is no longer JSON.
+    # As text: a driver would decode a JSON string, and the result is not JSON.
     cast(t.RevisionRow.source, Text).label("source"),
     t.RevisionRow.hash,
     t.RevisionRow.observed_at,
@@ -61,7 +61,7 @@ _NO_TEXT: Any = literal_column("CAST(NULL AS text)")
 ASSERTED, RETRACTED = SIGNS = "+", "-"
 PLAN, ARCHIVE, PROMOTION, ERASURE = "plan", "archive", "promotion", "erasure"
 CONFIRMATION, SAYING = "confirmation", "saying"
-# What is read at once, and sorted in memory.
+# Changes to read at once, and sort in memory.
 FEW = 5_000
 LOW: ColumnElement[int] = bindparam("low", type_=BigInteger)
 HIGH: ColumnElement[int] = bindparam("high", type_=BigInteger)
@@ -69,8 +69,8 @@ HIGH: ColumnElement[int] = bindparam("high", type_=BigInteger)
 
 def last_until(moment: ColumnElement[Any], *of: FromClause) -> ScalarSelect[Any]:
     """Select the last revision up to a time: a parameter, or a column of a table."""
-    # Times never go back, and only their index finds this one in a long history. PostgreSQL 15
-    # would sort all revisions before it to find the largest number of one time.
+    # Times never go back, and only their index is fast in a long history. PostgreSQL 15 would sort
+    # all earlier revisions to find the largest number at one time.
     earlier = table_of(t.RevisionRow).alias().c
     times = (
         select(earlier.committed_at)
@@ -78,7 +78,7 @@ def last_until(moment: ColumnElement[Any], *of: FromClause) -> ScalarSelect[Any]
         .order_by(earlier.committed_at.desc())
     )
     time = first_rows(times, 1).correlate(*of).scalar_subquery()
-    # Unlike `number`, a sum cannot be looked for by the index of numbers.
+    # Unlike `number`, a sum does not use the index of numbers.
     largest = func.max(t.RevisionRow.number + constant(0))
     rows = t.RevisionRow.kb_id == KB, t.RevisionRow.committed_at == time
     return select(largest).where(*rows).correlate(*of).scalar_subquery()
@@ -89,10 +89,9 @@ class Change(NamedTuple):
 
     Attributes:
         sign: `+` asserted, `-` retracted.
-        kind: one of `KINDS`, for a formula its section; `fact`, `goal` or `value`; `saying` of a
-            period; `plan`, `execution`, `plan step`, `confirmation`, `archive`, `promotion` or
-            `erasure`.
-        text: the element's canonical PDDL text; of a confirmation, that of the fact.
+        kind: one of `KINDS`, for a formula its section; `fact`, `goal` or `value`; `saying`;
+            `plan`, `execution`, `plan step`, `confirmation`, `archive`, `promotion` or `erasure`.
+        text: the element's canonical PDDL text; for a confirmation, that of the fact.
     """
 
     sign: str
@@ -112,39 +111,39 @@ def in_range(column: Any) -> ColumnElement[bool]:
 
 
 class ChangeEnd(NamedTuple):
-    """Where versions begin or end (`retracted` is 1): changes of the revision in a column."""
+    """The beginnings, or ends (`retracted` is 1), of versions: changes of a revision."""
 
     source: VersionColumns
     revision: Any
     retracted: int
 
     def line(self, *conditions: Any, joined: bool = False) -> Select[Any]:
-        """Select the changes for which all conditions hold; `joined`: of a whole history."""
+        """Select the changes that fulfil all conditions; `joined` for a whole history."""
         if not joined or not self._is_atom:
             return self._line(self.revision, self.source.text, *conditions)
-        # PostgreSQL looks texts up one by one in six times the time.
+        # PostgreSQL takes six times as long to look texts up one by one.
         atom = table_of(t.PropositionRow)
         own = and_(atom.c.kb_id == KB, atom.c.id == self.source.owner)
         line = self._line(self.revision, atom.c.text, *conditions)
         return line.select_from(self.source.owner.table.outerjoin(atom, own))
 
     def short_line(self, revision: Any, *conditions: Any) -> Select[Any]:
-        """Select them as `paged` does: propositions without their texts, all with their ids."""
+        """Select them for `paged`: propositions without texts, all with ids."""
         text = _NO_TEXT if self._is_atom else self.source.text
         line = self._line(revision, text, *conditions)
         return line.add_columns(self.source.owner.label("owner"))
 
     def keyed_line(self, *conditions: Any, joined: bool = False) -> Select[Any]:
-        """Select them with the ids by which rows of `commitment` know them."""
-        # An outcome is of a plan's step, or of an execution of none.
+        """Select them with the ids that rows of `commitment` use."""
+        # An outcome belongs to a plan's step, or to an execution without a plan.
         place = self.source.version.position if self.source is EXECUTIONS else constant(0)
         owner = self.source.owner.label("owner")
         return self.line(*conditions, joined=joined).add_columns(owner, place.label("place"))
 
     @property
     def is_archived(self) -> bool:
-        """Whether versions are moved to an archive when they have ended."""
-        # Outcomes stay: when an act began is that of its first one.
+        """Whether ended versions move to an archive."""
+        # Outcomes stay: an act began with its first one.
         return "until" in self.source.version and self.source is not EXECUTIONS
 
     @property
@@ -171,7 +170,7 @@ def _confirmations() -> VersionColumns:
     return VersionColumns(None, table, table.proposition_id, constant(CONFIRMATION), text)
 
 
-# What changes, by kind: elements, executions, and records, which are never retracted.
+# Changes by kind: elements, executions, and records, which are never retracted.
 _RECORDS = {
     kind: _record(mapped, kind)
     for mapped, kind in (
@@ -215,7 +214,7 @@ def _ends_without(*kinds: str) -> list[ChangeEnd]:
 _ENDS = _ends_without()
 # Of all but definitions.
 _OTHER_ENDS = _ends_without(*KIND_TABLES)
-# Where a text is looked for; archives and promotions name folders of the server.
+# The kinds to search for a text; archives and promotions name folders of the server.
 SEARCHED_ENDS = _ends_without(ARCHIVE, PROMOTION)
 
 
@@ -225,7 +224,7 @@ def _lines(within: Any, ends: Iterable[ChangeEnd] = _ENDS) -> list[Select[Any]]:
 
 
 def _held(end: ChangeEnd, left: bool) -> tuple[ColumnElement[bool], ...]:
-    """Return the condition of what the range changed, or of what an archive of it leaves."""
+    """Return the condition of the changes of a range, or of those that an archive leaves."""
     until = end.source.version.until if left and end.is_archived else None
     rest = () if until is None else (or_(until.is_(None), until > HIGH),)
     return in_range(end.revision), *rest
@@ -237,8 +236,8 @@ def _streamed(left: bool, keyed: bool, joined: bool) -> Query:
     line = ChangeEnd.keyed_line if keyed else ChangeEnd.line
     ends = [end for end in _ENDS if not (left and end.retracted and end.is_archived)]
     lines = (line(end, *_held(end, left), joined=joined) for end in ends)
-    # Sorted at once: SQLite would merge the parts of a union pair by pair, in the order of its
-    # plain columns; a sum is none.
+    # Sorted at once: SQLite would merge the parts of a union pair by pair if the order were plain
+    # columns; a sum is not.
     changed = union_all(*lines).subquery("changed").c
     order = (changed.revision + constant(0), *(changed[name] for name in _ORDER))
     return Query(select(*changed).order_by(*order))
@@ -249,7 +248,7 @@ def _among(column: Any) -> ColumnElement[bool]:
 
 
 _ORDER = ("retracted", "kind", "text")
-# Unsorted: SQLite would merge its parts pair by pair, which takes longer than all else.
+# Unsorted: SQLite would merge the parts pair by pair, which takes longer than all the rest.
 _FEW = {
     redefined: Query(first_rows(union_all(*_lines(in_range, ends)), FEW + 1))
     for redefined, ends in ((True, _ENDS), (False, _OTHER_ENDS))
@@ -266,18 +265,18 @@ _OF_NUMBERS = Query(union_all(*_lines(_among)).order_by(desc("revision"), *_ORDE
 def stream_changes(
     session: Session, kb_id: int, low: int, high: int
 ) -> Iterator[tuple[int, Change]]:
-    """Read what a range of revisions changed, in one statement and in constant memory."""
+    """Read the changes of a range of revisions, in one statement and in constant memory."""
     return _made(stream_change_rows(session, kb_id, low, high))
 
 
 def stream_change_rows(
     session: Session, kb_id: int, low: int, high: int, left: bool = False, keyed: bool = False
 ) -> Iterator[Row]:
-    """Read what a range of revisions changed, as plain rows.
+    """Read the changes of a range of revisions, as plain rows.
 
     Args:
-        left: only what remains after an archive of these revisions.
-        keyed: with the ids by which rows of `commitment` know them.
+        left: only changes that remain after an archive of these revisions.
+        keyed: with the ids that rows of `commitment` use.
     """
     return session.stream(_streamed(left, keyed, low < 1), kb=kb_id, low=low, high=high)
 
@@ -288,12 +287,12 @@ _KEYED_OF = Query(
 
 
 def keyed_changes_of(session: Session, kb_id: int, numbers: Sequence[int]) -> list[Row]:
-    """Read what some revisions changed, with the ids by which rows of `commitment` know it."""
+    """Read the changes of some revisions, with the ids that rows of `commitment` use."""
     return session.rows(_KEYED_OF, kb=kb_id, numbers=session.list_value([*numbers]))
 
 
 def lines_by_revision(rows: Iterable[Row]) -> defaultdict[int, list[Row]]:
-    """Part keyed changes by revision: each with its sign, and without the number."""
+    """Group keyed changes by revision: each with its sign, and without the number."""
     lines: defaultdict[int, list[Row]] = defaultdict(list)
     for number, sign, *line in rows:
         lines[number].append((SIGNS[sign], *line))
@@ -303,7 +302,7 @@ def lines_by_revision(rows: Iterable[Row]) -> defaultdict[int, list[Row]]:
 def few_change_rows(
     session: Session, kb_id: int, low: int, high: int, redefined: bool
 ) -> list[Row] | None:
-    """Read the changes of a range of revisions in one statement, as `stream_change_rows` does.
+    """Read the changes of a range of revisions in one statement, like `stream_change_rows`.
 
     None if there are too many.
     """
@@ -336,7 +335,7 @@ def few_changes(
 
 
 def unsortable(said: Iterable[tuple[Any, Any]], key: str, error: TypeError) -> StoreIntegrityError:
-    """Return the error for changes one of which has no text or no kind."""
+    """Return the error for a change without text or kind."""
     wrong = sorted(
         {f"{kind}" for kind, text in said if not (isinstance(kind, str) and isinstance(text, str))}
     )
@@ -344,7 +343,7 @@ def unsortable(said: Iterable[tuple[Any, Any]], key: str, error: TypeError) -> S
 
 
 def count_changes(session: Session, kb_id: int, low: int, high: int) -> list[tuple[str, str, int]]:
-    """Count what a range of revisions changed, by kind and sign."""
+    """Count the changes of a range of revisions, by kind and sign."""
     rows = session.rows(_COUNTED, kb=kb_id, low=low, high=high)
     return sorted((str(kind), SIGNS[sign], count) for sign, kind, count in rows)
 
@@ -352,7 +351,7 @@ def count_changes(session: Session, kb_id: int, low: int, high: int) -> list[tup
 def stream_changes_of(
     session: Session, kb_id: int, numbers: list[int]
 ) -> Iterator[tuple[int, Change]]:
-    """Read what some revisions changed, the last revision first."""
+    """Read the changes of some revisions, the last revision first."""
     return _made(session.stream(_OF_NUMBERS, kb=kb_id, numbers=session.list_value(numbers)))
 
 
@@ -360,32 +359,32 @@ def _made(rows: Iterable[Row]) -> Iterator[tuple[int, Change]]:
     return ((number, Change(SIGNS[sign], kind, text)) for number, sign, kind, text in rows)
 
 
-# A page is found by ids, and only its own texts are read: a revision may change a hundred thousand
-# facts, and two states may differ in as many.
+# Find a page by ids, and read only its own texts: a revision may change a hundred thousand facts,
+# and two states may differ in as many.
 
-# Up to this number changes are in the order of their texts, beyond it in that of their ids.
+# Up to this number, changes are in the order of their texts; beyond it, of their ids.
 SORTED = 5_000
-# Changes of a kind that a revision is counted and shown with.
+# The maximum number of counted and shown changes of a kind.
 COUNTED_CHANGES = 50_000
 
 
-# The types of places: sign, kind, and an id or a text.
+# The types of positions: sign, kind, and an id or a text.
 BY_OWNER, BY_TEXT = (int, str, int), (int, str, str)
 
 
 class ChangesPage(NamedTuple):
-    """A page of changes, each with its revision, and where the next page begins."""
+    """A page of changes, each with its revision, and the position of the next page."""
 
     changes: list[tuple[int, Change]]
     next: Place | None
 
 
 def paged(parts: Iterable[Select[Any]], key: Sequence[type] = (), by_text: bool = False) -> Query:
-    """Cut a page out of short lines, the newest first, and add the texts that are missing.
+    """Cut a page out of short lines, newest first, and add the missing texts.
 
     Args:
-        key: the types of the place that the page begins at, of lines of one revision.
-        by_text: lines are in the order of their texts, which are read of all of them.
+        key: the types of the page's position, for lines of one revision.
+        by_text: lines are in the order of their texts, so all texts are read.
     """
     some, atom = union_all(*parts).subquery("some").c, table_of(t.PropositionRow)
 
@@ -397,7 +396,7 @@ def paged(parts: Iterable[Select[Any]], key: Sequence[type] = (), by_text: bool 
         rows, order = select(*lines), (lines.retracted, lines.kind, last)
         if key:
             rows = rows.where(from_place(order, key))
-        # Steps of a plan have one owner, and so have executions of none.
+        # Steps of a plan share an owner, and so do executions without a plan.
         rows = rows.order_by(lines.revision.desc(), *order, lines.text)
         return rows.limit(integer("size")).offset(integer("skip"))
 
@@ -429,7 +428,7 @@ def page_of(
 
 
 def _counts() -> Select[Any]:
-    """Count what each revision changed: of a kind, up to a bound."""
+    """Count the changes of each revision: of a kind, up to a bound."""
     revision = table_of(t.RevisionRow)
     numbers: list[Any] = []
     for end in _ENDS:
@@ -445,7 +444,7 @@ _COUNTS = Query(_counts)
 
 
 def count_each(session: Session, kb_id: int, numbers: Iterable[int]) -> dict[int, int]:
-    """Count what some revisions changed, up to `COUNTED_CHANGES` and perhaps more."""
+    """Count the changes of some revisions, up to `COUNTED_CHANGES` and perhaps more."""
     return dict(session.rows(_COUNTS, kb=kb_id, numbers=session.list_value([*numbers])))
 
 
@@ -459,7 +458,7 @@ def _of_revision(key: tuple[type, ...], by_text: bool) -> Query:
 def read_changes_page(
     session: Session, kb_id: int, number: int, total: int, place: Place, limit: int
 ) -> ChangesPage:
-    """Read a page of the changes of a revision that has so many of them, in one statement."""
+    """Read a page of the changes of a large revision, in one statement."""
     by_text = place.types == BY_TEXT if place.key else total <= SORTED
     query = _of_revision(place.types, by_text)
     return page_of(session, query, place, limit, by_text, kb=kb_id, number=number)

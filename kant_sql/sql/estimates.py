@@ -1,8 +1,8 @@
-"""How many facts of a predicate hold, about: what the order of a join is chosen by.
+"""Estimates of the number of facts of a predicate, for the order of joins.
 
-No database has statistics of what was loaded a moment ago, and SQLite never has any by itself. So a
-part of each predicate's facts is counted when a condition is first written as a statement, and
-again now and then: an order that was good for few facts may be bad for many.
+A database has no statistics right after a load, and SQLite never makes any by itself. So a part of
+each predicate's facts is counted when a condition is first written as a statement, and again from
+time to time: a good order for few facts may be bad for many.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from .dialects.base import Session
 from .dialects.words import Words
 from .query import Query
 
-# Up to this number facts are counted; they are counted again after so many seconds, and statements
-# are written again when a number has changed so many times over.
+# The maximum count; seconds until the next count; and the factor of change after which statements
+# are rewritten.
 COUNTED, COUNTED_FOR, CHANGED = 10_000, 10.0, 4
-# Up to this number where reading all that held of a predicate is weighed against many lookups.
+# The maximum count for the choice between reading a whole predicate and many lookups.
 COUNTED_OF_MANY = 100_000
-# How many objects of a type stand for all of them, and how many of their atoms are counted.
+# Objects that represent their type, and the maximum count of their atoms.
 SAMPLE, MENTIONED = 8, 20_000
 
 
@@ -56,18 +56,18 @@ class Estimates:
 
 
 class Size(NamedTuple):
-    """The estimates for one statement, as they are counted in a session."""
+    """The estimates for one statement, counted in a session."""
 
     estimates: Estimates
     session: Session
     kb_id: int | None
 
     def facts(self, predicate: int, compared: float) -> float:
-        """Return how many facts of a predicate hold, about, to compare them with a number."""
+        """Estimate the number of facts of a predicate, for a comparison with a number."""
         return self._counted(predicate, max(int(min(compared, COUNTED_OF_MANY)), COUNTED))
 
     def mentions(self, objects: tuple[int, ...]) -> float:
-        """Return how many atoms, of any time, mention one of some objects, on average."""
+        """Return the average number of atoms, of any time, that mention one of some objects."""
         return self._counted(objects, MENTIONED) / max(len(objects), 1)
 
     def _counted(self, of: int | tuple[int, ...], upto: int) -> int:
@@ -80,7 +80,7 @@ class Size(NamedTuple):
 
 
 def estimates_of(definitions: Definitions) -> Estimates:
-    """Return the estimates that are kept with definitions."""
+    """Return the estimates cached with definitions."""
     found: Estimates | None = definitions.derived.get(Estimates)
     if found is None:
         found = definitions.derived[Estimates] = Estimates()

@@ -1,4 +1,4 @@
-"""What executions and plans are: canonical texts, rows, and the statements for outcomes."""
+"""Executions and plans: canonical texts, rows, and statements for outcomes."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ _STARTED = "started"
 
 
 class ExecutionDefinition(NamedTuple):
-    """What is, or was, to be done; times are exact decimal text.
+    """An act or a step to execute; times are exact decimal text.
 
-    An argument is the id of an object, or a text instead of one. The text is `(move rb1 wp1 wp2)`;
-    what is no action or object of the knowledge base is quoted there.
+    An argument is the id of an object, or a text instead. The text is `(move rb1 wp1 wp2)`; words
+    that are not actions or objects of the knowledge base are quoted.
     """
 
     start: str | None
@@ -45,7 +45,7 @@ class ExecutionDefinition(NamedTuple):
 
 
 class OutcomeDefinition(NamedTuple):
-    """An outcome of an execution, as it is recorded; `ExecutionVersionRow` says what it means."""
+    """A recorded outcome of an execution; see `ExecutionVersionRow`."""
 
     kind: str
     outcome: str
@@ -57,7 +57,7 @@ class OutcomeDefinition(NamedTuple):
 
 
 def quoted(text: str) -> str:
-    """Write a word that is no name of the knowledge base."""
+    """Write a word that is not a name of the knowledge base."""
     return encode_basestring(text)
 
 
@@ -78,7 +78,7 @@ def outcome_text(
     started_at: datetime | None = None,
     ended_at: datetime | None = None,
 ) -> str:
-    """Write an outcome since a revision in canonical form; no two have the same.
+    """Write an outcome since a revision in canonical form, which is unique.
 
     The text of a plan has the durations of its steps, and its revision.
     """
@@ -110,15 +110,15 @@ _BEGUN = re.compile(r' :started-at "([-\dT:.Z]+)"(?: :ended-at "[-\dT:.Z]+")?\)$
 
 
 def begun_at(text: str) -> datetime | None:
-    """Return when an execution began, if the text of its outcome says so."""
+    """Return when an execution began, if the text of its outcome has that."""
     found = _BEGUN.search(text)
     return None if found is None else datetime.fromisoformat(found[1])
 
 
 class Told(NamedTuple):
-    """What the text of an outcome says: of which execution, what that is, and the outcome.
+    """The content of the text of an outcome: the execution and the outcome.
 
-    Texts of the kind `plan step` do not say what was to be done.
+    Texts of the kind `plan step` do not name the action.
     """
 
     id: str
@@ -130,7 +130,7 @@ def read_outcome(text: str) -> Told:
     """Read the text of an outcome.
 
     Raises:
-        ValueError: it is not the text of one.
+        ValueError: it is not the text of an outcome.
     """
     found = _TOLD.match(text)
     if found is not None:
@@ -199,7 +199,7 @@ def argument_rows(kb: int, key: Key, execution: ExecutionDefinition) -> list[Row
 
 
 class PlanDefinition(NamedTuple):
-    """A plan as it is recorded: `RecordedPlan` says what the fields mean."""
+    """A plan to record; see `RecordedPlan`."""
 
     id: int
     revision: int
@@ -215,9 +215,9 @@ class PlanDefinition(NamedTuple):
 
     @property
     def text(self) -> str:
-        """All of it in canonical form; no two plans have the same.
+        """All of it in canonical form, which is unique.
 
-        A text that is kept stands there by its SHA-256; the ids of actions and objects by names.
+        A stored text is represented by its SHA-256, and ids of actions and objects by names.
         """
         steps = [f"({s.start or 'null'} {s.text} {s.duration or 'null'})" for s in self.steps]
         members = (

@@ -1,11 +1,11 @@
-"""Finding what held at a revision, and the statements that open and close intervals.
+"""Finds the versions at a revision, and opens and closes intervals.
 
 The versions of propositions and of values are intervals of revisions, and may be millions. They are
 found as in a relational interval tree (Kriegel, Poetke, Seidl: Managing Intervals Efficiently in
-Object-Relational Databases, VLDB 2000). Each interval is kept at one revision within it, its fork:
-the one that the highest power of two divides. A revision lies within intervals that are kept at few
-others, one for each power of two; and what is kept at one revision held there all at once, so it is
-never more than a state.
+Object-Relational Databases, VLDB 2000). Each interval is stored under one of its revisions, its
+fork: the one divisible by the highest power of two. The intervals that contain a revision have few
+forks, one for each power of two; and all intervals under one fork held at that revision, so they
+are never more than a state.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ from .rows import (
 # Fork value of open versions.
 HOLDS_NOW = 0
 _BITS = 63
-# How many numbers `forks_at` returns at most.
+# The maximum number of results of `forks_at`.
 MOST_FORKS = _BITS + 1
 
 
@@ -67,7 +67,7 @@ def _intervals(mapped: type[t.Base], owner: str) -> VersionTable:
 
 
 def fork(since: int, until: int | None) -> int:
-    """Return the fork under which a version is kept."""
+    """Return the fork of a version."""
     if until is None:
         return HOLDS_NOW
     highest = ((since - 1) ^ (until - 1)).bit_length() - 1
@@ -76,7 +76,7 @@ def fork(since: int, until: int | None) -> int:
 
 def held_then(version: Any, at: ColumnElement[int] = THEN) -> ColumnElement[bool]:
     """Return whether a version held at a revision, found by its fork among the `forks`."""
-    # Not two searches, of what is open and of what ended later: both may be large.
+    # Not two searches, for open versions and for those that ended later: both may be large.
     ends = or_(version.until.is_(None), Unsought(version.until) > at)
     return and_(in_list(version.fork, "forks"), Unsought(version.since) <= at, ends)
 
@@ -84,7 +84,7 @@ def held_then(version: Any, at: ColumnElement[int] = THEN) -> ColumnElement[bool
 def now_and_then(
     version: Any, any_owner: ColumnElement[bool]
 ) -> tuple[tuple[bool, ColumnElement[bool]], ...]:
-    """Return the conditions that a version holds now, and that it held then: by "is past"."""
+    """Return the conditions that a version holds now, and held then, keyed by "is past"."""
     return (False, version.until.is_(None)), (True, and_(any_owner, held_then(version)))
 
 
@@ -109,8 +109,8 @@ def held_by(source: str, version: Any, at: ColumnElement[int] | None) -> ColumnE
 
 
 def forks_at(at: int) -> list[int]:
-    """Return where what held at a revision may be kept."""
-    # For bits beyond those of `at` these are powers of two, up to the largest that a column holds.
+    """Return the possible forks of versions at a revision."""
+    # For bits beyond those of `at`, powers of two, up to the largest value of a column.
     return [HOLDS_NOW, *sorted({(at >> bit | 1) << bit for bit in range(_BITS)})]
 
 
@@ -120,13 +120,13 @@ def _second(moment: datetime) -> int:
 
 
 def fork_of_period(valid_from: datetime, valid_until: datetime) -> int:
-    """Return the fork under which a saying of a period is kept: that of its seconds."""
+    """Return the fork of a saying about a period: that of its seconds."""
     last = valid_until - timedelta(microseconds=1)
     return fork(_second(valid_from), _second(last) + 1)
 
 
 def forks_at_time(moment: datetime) -> list[int]:
-    """Return where sayings of a time may be kept."""
+    """Return the possible forks of sayings about a time."""
     last = _second(datetime.max.replace(tzinfo=UTC))
     return [fork for fork in forks_at(_second(moment)) if fork <= last]
 
@@ -174,7 +174,7 @@ _VALUE = table_of(t.FunctionValueVersionRow).c
 
 
 def open_value(fluent: ColumnElement[int]) -> tuple[ScalarSelect[Any], ScalarSelect[Any]]:
-    """Look up the value of a fluent: the text, which holds it, and the object that it is."""
+    """Look up the value of a fluent: the text that contains it, and its object."""
     own, is_open = _VALUE.function_value_id, _VALUE.until.is_(None)
     return (
         looked_up(_VALUE.text, own, fluent, is_open),
@@ -194,18 +194,18 @@ OPEN_VALUE = Query(select(_ID, *open_value(_ID)))
 
 
 class SayingTable(VersionTable):
-    """What was said of periods: a table whose rows are never changed.
+    """A table of sayings, whose rows never change.
 
     Attributes:
-        names: the columns; the last ones have what was said.
+        names: the columns; the last ones have the content.
         new: inserts rows.
-        last: reads what earlier revisions said last of the elements of a list, at most one row of
-            each: its text, and its number as text.
+        last: reads the last earlier saying about each element of a list: its text, and its number
+            as text.
     """
 
     def __init__(self, mapped: type[t.Base], owner: str, *columns: str) -> None:
         """Build the statements."""
-        # Nothing that was said ends, so no statement does that.
+        # Sayings never end, so no statement ends them.
         self.table = table = table_of(mapped)
         self.owner, self.children = table.c[owner], ()
         self.unmake = (IdsQuery(delete(table), self.owner, made_here),)

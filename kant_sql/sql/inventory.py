@@ -1,7 +1,7 @@
-"""What is in the knowledge bases of a store: heads, facts and goals, origins, verifications.
+"""The contents of a store's knowledge bases: heads, facts, goals, origins, verifications.
 
-Facts are counted up to a limit, so that a page of knowledge bases takes a bounded time, however
-large they are.
+Facts are counted up to a limit, so a page takes a bounded time, however large the knowledge bases
+are.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .schema import ensure_schema
 
 T = TypeVar("T")
 
-# How many facts are counted on a page, of all its knowledge bases together, and of each at least.
+# Facts to count on a page: for all knowledge bases together, and for each at least.
 COUNTED_TOGETHER, COUNTED_EACH = 250_000, 10_000
 MOST_GOALS = 1_000
 PAGE = 50
@@ -60,7 +60,7 @@ def _rows(*conditions: ColumnElement[bool]) -> Select[Any]:
     return (
         select(*_COLUMNS)
         .select_from(t.KnowledgeBaseRow)
-        # A head that is missing, or whose revision is, is named and not passed over.
+        # A missing head, or a head without its revision, is reported, not skipped.
         .outerjoin(t.HeadRow, t.HeadRow.kb_id == t.KnowledgeBaseRow.id)
         .outerjoin(
             t.RevisionRow,
@@ -100,14 +100,14 @@ _BY_ID = Query(lambda: _rows(t.KnowledgeBaseRow.id == bindparam("id")))
 _NAME = Query(
     lambda: select(t.KnowledgeBaseRow.name).where(t.KnowledgeBaseRow.id == bindparam("id"))
 )
-# What stands for a name that is damaged.
+# Replaces a damaged name.
 _NAMELESS = re.compile(r"id (\d{1,18})")
 _PAGE = _page(lambda: [_after()])
 _FOUND = _page(lambda: [_after(), contains(t.KnowledgeBaseRow.name)])
 _NAMED = _page(lambda: [t.KnowledgeBaseRow.name == bindparam("name")])
 _TOTAL = Query(
     lambda: select(func.count(), func.coalesce(func.sum(t.HeadRow.revision), _ZERO)).where(
-        # What no revision reaches is damaged, and might be too large for a sum.
+        # Numbers beyond all revisions are damaged, and might be too large for a sum.
         t.HeadRow.revision.between(constant(1), constant(2**40))
     )
 )
@@ -182,32 +182,31 @@ _COUNTS = Query(
 
 @dataclass(frozen=True)
 class Inventory:
-    """A knowledge base: its last revision, counts, its origin, and its last verified revision.
+    """A knowledge base: its last revision, counts, origin, and last verified revision.
 
-    What cannot be read of its origin and its verifications is None. If its name or its last
+    Unreadable attributes of its origin and its verifications are None. If its name or its last
     revision is damaged, `error` says how, and the attributes of that revision are None.
 
     Attributes:
-        name: its name; if that is damaged, "id" and its id.
+        name: its name; "id" and its id if the name is damaged.
         revision: the number of its last revision.
         committed_at: when that was made, in UTC.
         actor: who made it.
         reason: why.
         source: where its knowledge comes from, as JSON values.
-        facts: how many facts hold, counted up to a limit.
-        has_more_facts: whether there are more than were counted.
-        goals: how many atoms are goals, counted up to 1,000.
-        reached: how many of these are facts; None where a goal is another condition, or may follow
-            from a rule: `not kb.unsatisfied()` is the answer then.
-        origin: the store that it is replicated from, without a password; None where it is written.
-        origin_revision: the last revision of the origin, as last heard of.
+        facts: the number of facts, counted up to a limit.
+        has_more_facts: whether there are more.
+        goals: the number of goals that are atoms, counted up to 1,000.
+        reached: how many of these are facts; None if a goal is another condition, or may follow
+            from a rule: use `not kb.unsatisfied()` then.
+        origin: the store that it is a replica of, without a password; None if it is written here.
+        origin_revision: the last known revision of the origin.
         origin_committed_at: when that was made, in UTC.
         heard_at: when the origin was last heard of, in UTC.
-        verified_revision: the revision up to which a kept verification found it intact; None when
-            none was kept.
-        verified_at: when that was, in UTC.
-        complete_at: when a verification that began at revision 1 was last kept, in UTC.
-        error: what is damaged of its name or its last revision; None where both can be read.
+        verified_revision: the last verified revision; None if no verification was kept.
+        verified_at: the time of that verification, in UTC.
+        complete_at: the time of the last kept verification that began at revision 1, in UTC.
+        error: the damage of its name or its last revision; None if both can be read.
     """
 
     _json_ = (
@@ -237,14 +236,14 @@ class Inventory:
 
     @property
     def behind(self) -> int | None:
-        """How many revisions of its origin it lacks, as last heard of; None where it has none."""
+        """The number of known revisions of its origin that it lacks; None without an origin."""
         if self.origin is None or self.origin_revision is None or self.revision is None:
             return None
         return max(0, self.origin_revision - self.revision)
 
     @property
     def lag(self) -> float | None:
-        """How much older its last revision is than that of its origin, in seconds."""
+        """The age of its last revision relative to that of its origin, in seconds."""
         there, here = self.origin_committed_at, self.committed_at
         if self.behind is None or there is None or here is None:
             return None
@@ -255,7 +254,7 @@ class Catalog:
     """The knowledge bases of a store. Threads may share it."""
 
     def __init__(self, backend: Backend) -> None:
-        """Read through a backend, which stays the caller's.
+        """Read through a backend, which the caller closes.
 
         Args:
             backend: the database.
@@ -265,7 +264,7 @@ class Catalog:
     def overview(
         self, *, after: str | None = None, part: str | None = None, limit: int = PAGE
     ) -> tuple[list[Inventory], bool]:
-        """Read a page of the knowledge bases that have a revision, oldest first; are there more?
+        """Read a page of written knowledge bases, oldest first, and whether there are more.
 
         `after` is the last name of the page before, and names contain `part`, in any case.
         """
@@ -309,7 +308,7 @@ class Catalog:
         return self._read(lambda session: bool(session.rows(_NAMED.ids, name=name, number=1)))
 
     def total(self) -> tuple[int, int]:
-        """Count the knowledge bases, and the revisions of all: any change changes this."""
+        """Count the knowledge bases, and all their revisions: each commit changes this."""
         row = self._read(lambda session: session.rows(_TOTAL))[0]
         with reading_rows("head", f"column revision of {self._backend.label}"):
             return int(row[0]), int(row[1])
@@ -381,7 +380,7 @@ def _inventory(
     try:
         last = _last_revision(session, row)
     except StoreError as damage:
-        # Whoever reads this knows the store, or may not know where it is.
+        # Readers know the store, or must not learn where it is.
         error = str(damage).removeprefix(f"{session.backend.label}: ")
     origin, at_origin, said_at, heard_at, verified, verified_at, complete_at = row[8:]
     facts, goals, reached, formulas = counts
@@ -411,7 +410,7 @@ def _last_revision(
     if isinstance(revision, StoreError):
         raise revision
     with reading_rows("knowledge_base", f"id {row[0]!r}"):
-        # SQLite keeps anything in any column.
+        # SQLite stores any type in any column.
         if not isinstance(name, str):
             raise TypeError(f"column name has {name!r}, which is not text")
     if revision is None:
@@ -425,8 +424,8 @@ def _last_revision(
         return revision, session.to_time(committed_at), actor, reason, read_source(source)
 
 
-# No history depends on where a replica comes from, and on what was verified: what cannot be read of
-# these is not known, and hides nothing else.
+# No history depends on origins and verifications: unreadable ones are unknown, and hide nothing
+# else.
 
 
 def _number(value: Any) -> int | None:

@@ -1,4 +1,4 @@
-"""Where the next page begins: after a row, which is named by its key, not by its position."""
+"""The beginning of a page: after a row, identified by its key, not by its number."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..errors import InvalidArgumentError
 
 Key = tuple[int | str | None, ...]
 
-# So much of a text is in an address; rows whose texts begin alike are skipped one by one.
+# The characters of a text in an address; rows with the same beginning are skipped one by one.
 _LENGTH = 200
 _MOST = 2**63 - 1
 
@@ -21,13 +21,13 @@ _MOST = 2**63 - 1
 class Place(NamedTuple):
     """The end of a page."""
 
-    passed: int = 0  # how many rows come before
-    key: Key = ()  # the key of the last of them, or the beginning of it
-    skip: int = 0  # how many rows with this key, or after it in the order, come before
+    passed: int = 0  # the number of rows before
+    key: Key = ()  # the key of the last of them, or its beginning
+    skip: int = 0  # the number of rows before that have this key, or follow it in the order
 
     @property
     def types(self) -> tuple[type, ...]:
-        """The types of the key, which its statement depends on."""
+        """The types of the key, on which its statement depends."""
         return tuple(map(type, self.key))
 
     def of(self, name: str = "after") -> dict[str, Any]:
@@ -35,7 +35,7 @@ class Place(NamedTuple):
         return {"skip": self.skip, **{f"{name}{n}": one for n, one in enumerate(self.key)}}
 
     def behind(self, keys: Sequence[Key]) -> Place:
-        """Return the end of a page that begins here and has rows with these keys, in order."""
+        """Return the end of a page from here with these keys, in order."""
         *same, last = keys[-1]
         begin = last[:_LENGTH] if isinstance(last, str) else last
         key: Key = (*same, begin)
@@ -52,7 +52,7 @@ def _is_from(last: Any, begin: Any) -> bool:
 def from_place(
     columns: Sequence[Any], types: Sequence[type], name: str = "after"
 ) -> ColumnElement[bool]:
-    """Return whether a row has the key of a place, with these types, or comes after it."""
+    """Return whether a row has the key of a place, with these types, or follows it."""
     values = [
         bindparam(f"{name}{n}", type_=Text() if one is str else BigInteger())
         for n, one in enumerate(types)
@@ -61,19 +61,19 @@ def from_place(
 
 
 def place_text(*places: Place | None) -> str | None:
-    """Write where some lists of a page go on; None if no one does."""
+    """Write where the lists of a page continue; None if none does."""
     if not any(places):
         return None
     return json.dumps(places, ensure_ascii=False, separators=(",", ":"))
 
 
 def read_place(text: str | None, *kinds: tuple[type, ...]) -> Place:
-    """Read what `place_text` wrote of one list, with a key of one of these types."""
+    """Read a place of one list from `place_text`, with a key of one of these types."""
     return read_places(text, 1, *kinds)[0] or Place()
 
 
 def read_places(text: str | None, count: int, *kinds: tuple[type, ...]) -> list[Place | None]:
-    """Read what `place_text` wrote of so many lists, with keys of some of these types."""
+    """Read the places of several lists from `place_text`, with keys of these types."""
     if not text:
         return [Place()] * count
     try:

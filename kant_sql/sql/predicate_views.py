@@ -44,7 +44,7 @@ MAX_PART_BYTES = 24
 _HASH_DIGITS = 8
 _LAST_DIGITS = 4
 
-# What PostgreSQL 18 or SQLite 3.50 would not take for a column unquoted.
+# Words that PostgreSQL 18 or SQLite 3.50 refuses as unquoted columns.
 _RESERVED = (
     "add all alter analyse analyze and any array as asc asymmetric authorization autoincrement "
     "between binary both case cast check collate collation column commit concurrently "
@@ -76,7 +76,7 @@ def view_names(prefix: str, names: Sequence[str], taken: Collection[str]) -> Ite
         for part in _candidates(identifier(name), fold(name), MAX_BYTES - len(prefix.encode())):
             if part in claimed:
                 continue
-            # Claimed even if another relation has it now: that may be dropped.
+            # Claimed even if another relation has it now, which may be dropped.
             claimed.add(part)
             if prefix + part not in taken:
                 yield prefix + part
@@ -235,11 +235,11 @@ class PredicateView(NamedTuple):
 
     Attributes:
         kind: `fact` or `goal`.
-        knowledge_base: the name of the knowledge base that it is of.
-        predicate: the name of the predicate that it is of.
-        columns: the names of its columns; none when it is dropped.
+        knowledge_base: the name of its knowledge base.
+        predicate: the name of its predicate.
+        columns: the names of its columns; none if it is dropped.
         change: `created`, `replaced`, `dropped` or `unchanged`.
-        statements: the SQL that does it.
+        statements: the SQL of the change.
     """
 
     name: str
@@ -275,7 +275,7 @@ def update_views(
         dry_run: whether to return the changes without making them.
 
     Returns:
-        The views: first those that are dropped, then the others, oldest first.
+        The views: dropped ones first, then the others, oldest first.
 
     Raises:
         KantSqlError: there is no such knowledge base.
@@ -307,7 +307,7 @@ def drop_views(
 
 
 def recreated_views(url: str) -> list[PredicateView]:
-    """Return what creates the views again of all knowledge bases that have any, once dropped."""
+    """Return the statements that recreate all existing views after a drop."""
     with closing(create_backend(url)) as backend, backend.open_session() as session:
         session.begin(write=False)
         try:
@@ -341,7 +341,7 @@ def replaced_views(session: Session, kb_id: int | None) -> Iterator[tuple[str, s
 def _change(url: str, kb_name: str | None, dry_run: bool, is_drop: bool) -> list[PredicateView]:
     optional_text(kb_name, "knowledge_base")
     flag(dry_run, "dry_run", InvalidArgumentError)
-    # First, because connecting would create the file.
+    # First: connecting would create the file.
     check(url)
     with closing(create_backend(url)) as backend:
         told: list[PredicateView] | None = None
@@ -357,7 +357,7 @@ def _change(url: str, kb_name: str | None, dry_run: bool, is_drop: bool) -> list
 def _change_once(
     backend: Backend, kb_name: str | None, dry_run: bool, is_drop: bool
 ) -> tuple[list[PredicateView], int]:
-    """Make some of the changes; return all of them, and how many are left."""
+    """Make some of the changes; return all of them, and the number left."""
     with backend.open_session() as session:
         session.begin(write=not dry_run)
         try:

@@ -1,7 +1,7 @@
-"""Statements: built once with SQLAlchemy Core, compiled once for each dialect.
+"""Statements: built with SQLAlchemy Core once, and compiled once for each dialect.
 
-One Core execution costs about 29 us of Python and one on the bare driver about 4, so a statement
-is compiled to its text when it is first used, and the text goes to the driver with its parameters.
+An execution through Core costs about 29 us of Python, one on the bare driver about 4. So a
+statement is compiled to text on first use, and the text goes to the driver with its parameters.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ from .tables.base import UtcTime
 
 _Rows = TypeVar("_Rows", Select[Any], CompoundSelect[Any])
 
-# Gives what must be true of the rows of a table.
+# Returns the condition on the rows of a table.
 Conditions = Callable[[FromClause], tuple[ColumnElement[bool], ...]]
 
 
 class Query:
     """A statement with named parameters, compiled once for each dialect.
 
-    A long one is given as what builds it: most processes never ask for it.
+    A long statement is given as its builder: most processes never use it.
 
     Attributes:
         texts: its SQL, by the names of the dialects that it was compiled for.
@@ -78,7 +78,7 @@ def raw(sql: str) -> Query:
 
 
 class Condition(FunctionElement[bool]):
-    """What is true or false of a row."""
+    """A condition on a row."""
 
     type = Boolean()
     inherit_cache = True
@@ -96,7 +96,7 @@ class InList(Condition):
 class InRows(Condition):
     """`column` is among the rows of a subquery, which runs once and drives an index.
 
-    A join would do the same, but without statistics PostgreSQL takes every table for one row, and
+    A join would do the same, but without statistics PostgreSQL assumes one row for every table, and
     joins 30,000 propositions by nested loops over all pairs.
     """
 
@@ -105,14 +105,14 @@ class InRows(Condition):
 
 
 class AtKey(Condition):
-    """`column` has a value; where it is sorted by, too, the index in that order is used."""
+    """`column` has a value; together with an order by it, the index in that order is used."""
 
     inherit_cache = True
     name = "at_key"
 
 
 class Unsought(FunctionElement[Any]):
-    """A column that is not to choose an index: SQLite takes a range of revisions for few rows."""
+    """A column that must not choose an index: SQLite expects few rows in a range of revisions."""
 
     inherit_cache = True
     name = "unsought"
@@ -137,7 +137,7 @@ class Listed(FunctionElement[Any]):
 
 
 class FoundRows(FunctionElement[Any]):
-    """The rows that are found for the values of a list parameter, as a relation.
+    """The rows for the values of a list parameter, as a relation.
 
     Attributes:
         listed: the rows for which a column is among the values.
@@ -166,7 +166,7 @@ class Fork(FunctionElement[int]):
 
 
 class RowsOfIds(ColumnElement[bool]):
-    """The row is found for an id of the list parameter `ids`.
+    """The row belongs to an id of the list parameter `ids`.
 
     Each id is looked up by itself. `InList` would do the same, but without statistics PostgreSQL
     may read all rows that fulfil the other conditions.
@@ -190,7 +190,7 @@ class RowsOfIds(ColumnElement[bool]):
 
 
 class StoreClock(FunctionElement[datetime]):
-    """The store's own clock; NULL where the store has none finer than a millisecond."""
+    """The store's own clock; NULL if it has no clock finer than a millisecond."""
 
     type = UtcTime()
     inherit_cache = True
@@ -206,7 +206,7 @@ class Seconds(FunctionElement[float]):
 
 
 class StorePlace(FunctionElement[str]):
-    """Identifies a database, whatever URL names it; empty for one in memory."""
+    """Identifies a database independently of its URL; empty for one in memory."""
 
     type = Text()
     inherit_cache = True
@@ -214,7 +214,7 @@ class StorePlace(FunctionElement[str]):
 
 
 def write_as(element: type[FunctionElement[Any]], template: str, *dialects: str) -> None:
-    """Let a dialect, or each that has no words of its own, write the clauses into a template."""
+    """Let a dialect, or each without its own words, write the clauses into a template."""
 
     def write(found: FunctionElement[Any], compiler: Any, **options: Any) -> str:
         return template.format(*(compiler.process(each, **options) for each in found.clauses))
@@ -285,7 +285,7 @@ def in_rows(
 def first_rows(rows: _Rows, number: ColumnElement[Any] | int) -> _Rows:
     """Limit a query to its first rows."""
     most = constant(number) if isinstance(number, int) else number
-    # Explicit: SQLAlchemy would write it for SQLite as a parameter.
+    # Explicit: for SQLite, SQLAlchemy would write it as a parameter.
     return rows.limit(most).offset(constant(0))
 
 
@@ -302,14 +302,14 @@ class IdsQuery:
     ) -> None:
         table = change.table
         self.each = Query(lambda: change.where(*conditions(table), id_ == bindparam("id")))
-        # A cluster looks for the knowledge base here, too.
+        # A cluster also looks here for the knowledge base.
         self.listed = Query(
             lambda: change.where(table.c.kb_id == integer("kb"), RowsOfIds(table, id_, conditions))
         )
 
 
 class Insert:
-    """Which columns of a table the values of inserted rows are for, in their order."""
+    """The columns of a table that inserted rows fill, in order."""
 
     __slots__ = ("columns", "into", "table")
 
@@ -327,7 +327,7 @@ class Insert:
 
 @cache
 def whole_rows(table: Table) -> Insert:
-    """Insert rows that have a value for every column, as a SELECT of the table gives them."""
+    """Insert rows with a value for every column, as from a SELECT of the table."""
     return Insert(table, *table.c.keys())
 
 

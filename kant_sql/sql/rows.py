@@ -1,4 +1,4 @@
-"""The tables and rows of each kind of element, and where its versions are."""
+"""The tables and rows of each kind of element, and its version table."""
 
 from __future__ import annotations
 
@@ -70,9 +70,9 @@ def looked_up(
 ) -> ScalarSelect[Any]:
     """Look up one row for each row of the query around it, by the last column of a key.
 
-    The parameter names the knowledge base: equal columns of the two rows would say the same, but
-    a cluster then looks in all shards. Sorted by the key: PostgreSQL without statistics takes
-    any index that begins with `kb_id` for as good as that of the key.
+    The parameter names the knowledge base: comparing the columns of the two rows would have the
+    same result, but a cluster would search all shards. Sorted by the key: PostgreSQL without
+    statistics rates any index that begins with `kb_id` as good as that of the key.
     """
     found = select(wanted).where(column.table.c.kb_id == KB, *conditions)
     found = found.where(AtKey(column, value)).order_by(column)
@@ -80,7 +80,7 @@ def looked_up(
 
 
 def made_here(table: FromClause) -> tuple[ColumnElement[bool], ...]:
-    """Return the conditions that a row is of the uncommitted revision."""
+    """Return the conditions that a row belongs to the uncommitted revision."""
     return table.c.kb_id == KB, table.c.since == THEN
 
 
@@ -93,11 +93,11 @@ class VersionTable:
     All of them take the parameters `kb` and `id`; `at` is the number of the uncommitted revision.
 
     Attributes:
-        owner: the column that names the element, or is the last part of its key.
+        owner: the column that names the element, or the last part of its key.
         children: the tables of the lists of each version.
         close: ends open versions.
         reopen: opens versions that this revision ended.
-        unmake: deletes versions of this revision, and the rows below them first.
+        unmake: deletes versions of this revision, after the rows below them.
     """
 
     def __init__(
@@ -132,8 +132,8 @@ class VersionTable:
         self.close = IdsQuery(change.values(until=THEN, **closed), self.owner, is_open)
         self.reopen = IdsQuery(change.values(until=null(), **opened), self.owner, ends_here)
         # Only rows of the uncommitted revision, which no other session has seen. An open version
-        # that this transaction deletes is of that revision: without children, the index of open
-        # versions finds it.
+        # that this transaction deletes belongs to that revision: without children, the index of
+        # open versions finds it.
         self.unmake: tuple[IdsQuery, ...] = (IdsQuery(delete(table), self.owner, is_open),)
         if children:
             self.unmake = tuple(
@@ -145,7 +145,7 @@ class VersionTable:
 def is_of_version(
     child: Table, version: Table, owner: str, which: ColumnElement[bool]
 ) -> tuple[ColumnElement[bool], ...]:
-    """Return the condition that a row belongs to a version of which something is true."""
+    """Return the condition that a row belongs to a version that fulfils a condition."""
     of_one = version.c.since == child.c.since
     exactly = looked_up(version.c.since, version.c[owner], child.c[owner], of_one, which)
     owners = select(version.c[owner]).where(which)
@@ -156,14 +156,14 @@ RowsByTable = dict[Table, list[Row]]
 
 
 def _values(names: Sequence[str]) -> Callable[[Any], Row]:
-    """Return what reads some attributes, as a tuple."""
+    """Return a function that reads some attributes, as a tuple."""
     if len(names) == 1:
         return lambda entry: (getattr(entry, names[0]),)
     return attrgetter(*names)
 
 
 class ListTable:
-    """The table of a list: of one that a definition has, or that an entry of another list has.
+    """The table of a list in a definition, or in an entry of another list.
 
     Its key is that of the version, the section if there are several such lists, and the position
     of the entry within the list, after those of the entries around it. An entry is a record, of
@@ -177,9 +177,9 @@ class ListTable:
         """Describe it.
 
         Args:
-            record: the class of entries; None when they are lone values.
+            record: the class of entries; None for single values.
             first: the position of the first entry.
-            lists: the field of an entry -> the table of the list that it holds.
+            lists: the field of an entry -> the table of its list.
         """
         self.table = table
         _, owner, _, *columns = self.table.c.keys()
@@ -237,7 +237,7 @@ class ListTable:
 
 
 class Kind:
-    """One kind of named element: how a definition becomes rows, and rows become a definition.
+    """One kind of named element: converts definitions to rows and back.
 
     Each field of a definition is the identity's id or name, a column of that name in the version
     table, or a list in a table of its own.
@@ -252,7 +252,7 @@ class Kind:
             definition: the class of definitions.
             identity: the identity table.
             version: the version table.
-            lists: the field of a definition -> the table of the list that it holds.
+            lists: the field of a definition -> the table of its list.
         """
         self.identity = identity
         self.new_identity = Insert(self.identity, "kb_id", "id", "name", "key")
@@ -276,7 +276,7 @@ class Kind:
 
     @property
     def name(self) -> ScalarSelect[str]:
-        """What the element is called that a row of the version table is of, as a subquery."""
+        """The name of the element of a row in the version table, as a subquery."""
         identity = self.identity.c
         return looked_up(identity.name, identity.id, self.version.owner)
 
@@ -314,7 +314,7 @@ class Kind:
             yield make(order((*row, *lists, *flags)))
 
     def _key_of(self, field: str, list_: ListTable) -> Callable[[Row], Row]:
-        """Return what finds the key of a list, from a row of the version table."""
+        """Return a function from a row of the version table to the key of a list."""
         section = self._section
         if not list_.has_sections or list_.entries_have_sections:
             return lambda row: (row[0],)
@@ -336,7 +336,7 @@ def _tree(element: str) -> ListTable:
     return _list(f"{element}_node", TreeNode, variables=variables, terms=terms)
 
 
-# In the order in which they can be written: each refers to those before it only.
+# In the order of writing: each refers only to earlier ones.
 _KINDS: dict[str, tuple[Any, dict[str, ListTable]]] = {
     "type": (TypeDefinition, {"other_parent_ids": _list("type_parent", first=1)}),
     "object": (ObjectDefinition, {"other_type_ids": _list("object_type", first=1)}),
@@ -381,7 +381,7 @@ class VersionColumns(NamedTuple):
 
 def _definition(kind: str, tables: Kind) -> VersionColumns:
     version = tables.version.table.c
-    # A formula is of the kind that its section says.
+    # The kind of a formula is its section.
     name: Any = version.section if kind == "formula" else constant(kind)
     return VersionColumns(tables.identity.c, version, tables.version.owner, name, version.text)
 
@@ -429,7 +429,7 @@ class AtomTables(NamedTuple):
         return select(*own, *more).where(identity.kb_id == KB)
 
     def live(self) -> Select[Any]:
-        """Select the ids of what holds now."""
+        """Select the ids of present elements."""
         version = self.version.c
         return select(version[self.owner]).where(version.kb_id == KB, version.until.is_(None))
 

@@ -42,8 +42,8 @@ DROPPED_VIEWS = "dropped_views"
 VERSIONS = (*(f"{number:04}" for number in range(1, 16)),)
 
 _VERSION = Query(select(column("version_num")).select_from(table(VERSION_TABLE)))
-# Alembic's context is a module global: one migration at a time in a process. What a migration has
-# open is not for a child process, either.
+# Alembic's context is a module global: one migration at a time in a process. A child process must
+# not use its connection, either.
 _MIGRATING = unforked()
 logger = logging.getLogger("kant_sql.schema")
 
@@ -67,7 +67,7 @@ def ensure_schema(backend: Backend) -> None:
 
 
 def _create(backend: Backend) -> None:
-    """Create the tables from the record of what the migrations make: they take 0.3 s for it."""
+    """Create the tables from the recorded schema: the migrations would take 0.3 s."""
     with _MIGRATING, backend.migration_connection() as connection:
         if inspect(connection).has_table(VERSION_TABLE):
             # Another process has created them meanwhile.
@@ -79,7 +79,7 @@ def _create(backend: Backend) -> None:
 
 
 def recorded(dialect_name: str) -> list[Statement]:
-    """Return the schema that the migrations make."""
+    """Return the recorded schema of the migrations."""
     path = migrations_folder() / "golden" / f"{dialect_name}.sql"
     return parse_record(path.read_text(encoding="utf-8"))
 
@@ -98,7 +98,7 @@ def check(url: str) -> None:
 
 
 def check_placement(url: str) -> None:
-    """Check that the tables of a store on several servers are all where they belong."""
+    """Check that all tables of a store on several servers are in their place."""
     with closing(create_backend(url)) as backend:
         fault = backend.layout_fault()
         if fault is not None:
@@ -106,13 +106,13 @@ def check_placement(url: str) -> None:
 
 
 def require_store(url: str) -> None:
-    """Check that the database exists, whatever is in it."""
+    """Check that the database exists, with any content."""
     with closing(create_backend(url)) as backend:
         _require_store(backend)
 
 
 def check_session(session: Session) -> None:
-    """Check that the tables have the version that this library needs, as a session sees them."""
+    """Check, in a session, that the tables have the version that this library needs."""
     _judge(session.backend, _read_version(session))
 
 
@@ -138,12 +138,12 @@ def downgrade(url: str, *, revision: str) -> None:
 
     Args:
         url: the database URL.
-        revision: the version to go back to, or as `-1` how many versions; `base` drops the tables
-            and all that they hold.
+        revision: the version to go back to, or a number of versions such as `-1`; `base` drops the
+            tables with all their content.
 
     Raises:
-        SchemaError: there is no such version, it is later than the tables', or it cannot hold
-            something that is stored; nothing was changed.
+        SchemaError: there is no such version, it is later than the tables', or it cannot store some
+            present elements; nothing was changed.
         StoreError: the database refused; nothing was changed.
     """
     from alembic import command
@@ -209,7 +209,7 @@ def migrations_folder() -> Path:
 
 def _require_store(backend: Backend) -> None:
     if not backend.exists():
-        # Only a file can be missing. The absolute path shows a missing slash or a wrong folder.
+        # Only a file can be missing. Its absolute path reveals a missing slash or a wrong folder.
         path = Path(str(backend.url.database)).absolute()
         raise SchemaMissingError(
             f"{backend.label}: no such file: {path}; check the path and its slashes"
@@ -239,7 +239,7 @@ def _earlier(backend: Backend, revision: str) -> str | None:
 
 
 def _later(backend: Backend, revision: str) -> str:
-    """Find the version to go on to."""
+    """Find the version to migrate to."""
     places, here = _places(backend)
     on = re.fullmatch(r"\+([1-9]\d{0,3})", str(revision))
     there = here + int(on[1]) if on else _index(places, revision)
@@ -249,7 +249,7 @@ def _later(backend: Backend, revision: str) -> str:
 
 
 def _places(backend: Backend) -> tuple[tuple[str, ...], int]:
-    """Return all versions, and the position of the one that the tables have."""
+    """Return all versions, and the position of the tables' version."""
     places, version = (BASE, *VERSIONS), _current(backend)
     if version is not None and version not in VERSIONS:
         _judge(backend, version)
@@ -314,7 +314,7 @@ def _migrate_once(backend: Backend, run: Callable[[Config], None]) -> None:
             config.attributes["connection"] = connection
             config.attributes["label"] = backend.label
             run(config)
-        # After the commit: a failed migration leaves the views as they were.
+        # After the commit: a failed migration leaves the views unchanged.
         report_dropped_views(config)
     except CommandError as error:
         version = _current(backend)
@@ -334,12 +334,12 @@ def create_roles(url: str, *, knowledge_base: str | None = None, dry_run: bool =
     Users get these rights as members of the roles.
 
     Args:
-        url: the database URL, of the owner of the tables.
+        url: the database URL of the owner of the tables.
         knowledge_base: one for which to create four more roles, limited to it.
         dry_run: whether to return the statements without running them.
 
     Returns:
-        The four roles, the statements, and those that only the database's owner or a superuser
+        The four roles, the statements, and statements that only the database's owner or a superuser
         may run.
 
     Raises:

@@ -1,8 +1,8 @@
-"""What was true at which times, as known at a revision: versions, and sayings over them.
+"""The periods in which facts were true, as known at a revision: versions overlaid by sayings.
 
 A version holds from the time of the revision that asserted it to that of the one that ended it.
-Where sayings cover a time, the latest of them decides. A change is named by the revision that said
-so: that of the version or the saying which begins or ends there; of two, the later one.
+If sayings cover a time, the latest of them decides. A change has the revision of the version or the
+saying that begins or ends there; of two, the later one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class ValidRange(NamedTuple):
         until: its last time.
         before: the last revision that was committed before its first time; 0 for none.
         high: the last known revision up to its last time.
-        known: the revision that it is known at.
+        known: the revision at which it is known.
     """
 
     since: datetime
@@ -43,7 +43,7 @@ class ValidRange(NamedTuple):
 
 
 class Instant(NamedTuple):
-    """A time at which something changes, and the revision that said so."""
+    """The time of a change, and the revision that recorded it."""
 
     time: datetime
     revision: int
@@ -51,12 +51,12 @@ class Instant(NamedTuple):
 
 # A fact (True) or a fluent: its predicate or function, and its objects.
 Key = tuple[bool, int, tuple[int, ...]]
-# Of a fact, that it holds; of a fluent, its value as in `Touch`; None: it does not hold.
+# For a fact, that it holds; for a fluent, its value as in `Touch`; None: it does not hold.
 Content = str | int | None
 
 
 class Saying(NamedTuple):
-    """What a revision said of a period of a fact or a fluent."""
+    """A saying of a revision about a period of a fact or a fluent."""
 
     revision: int
     begin: datetime
@@ -70,7 +70,7 @@ def key_of(touch: Touch) -> Key:
 
 
 def content_of(touch: Touch) -> Content:
-    """Return what it is then."""
+    """Return the new content."""
     return None if touch.is_end else 1 if touch.is_fact else touch.value
 
 
@@ -97,7 +97,7 @@ def _sayings(dialect: str, places: tuple[int, ...]) -> Query:
 def _read_sayings(
     session: Session, kb_id: int, which: Subjects, span: ValidRange
 ) -> tuple[dict[Key, list[Saying]], Subjects]:
-    """Read what was said of a range, in one statement; return the ids of what it is about, too."""
+    """Read the sayings about a range, with the ids of their elements, in one statement."""
     places, values = parameters_of(kb_id, which)
     values.pop("is_goal", None)
     if not places:
@@ -119,9 +119,9 @@ def _read_sayings(
 def read_valid(
     session: Session, kb_id: int, which: Subjects, span: ValidRange
 ) -> tuple[list[Touch], Iterator[tuple[Instant, Touch]]]:
-    """Read what was true right before a range, and what changed in it.
+    """Read the true state right before a range, and the changes in it.
 
-    It takes four statements at most. What nothing was said of is streamed, in constant memory.
+    It takes four statements at most. It streams elements without sayings, in constant memory.
     """
     said, ids = _read_sayings(session, kb_id, which, span)
     state = [*state_of(session, kb_id, which, span.before)] if span.before else []
@@ -169,12 +169,12 @@ def _flattened(
     sayings: Sequence[Saying],
     span: ValidRange,
 ) -> Iterator[tuple[datetime | None, int, Content]]:
-    """Yield what is true right before a range, and each change in it: when, who says so, and what.
+    """Yield the true state right before a range, and each change in it, with time and revision.
 
     Args:
-        plain: what the versions say before the range, and the revision that said so.
-        changes: the same of later times.
-        sayings: what was said of times in it, or until its beginning.
+        plain: the versions right before the range, and their revisions.
+        changes: the changes of versions in the range.
+        sayings: the sayings about times in it, or until its beginning.
     """
     times = {*changes}.union(time for one in sayings for time in one[1:3])
     rest = sorted(sayings, key=attrgetter("begin"), reverse=True)

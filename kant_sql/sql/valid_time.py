@@ -1,9 +1,9 @@
-"""What held at a time, as it is known at a revision: in the place of the tables of versions.
+"""The versions at a valid time, as known at a revision, in place of the version tables.
 
-A statement about one state names tables of versions. For a state of valid time, `ValidTime` puts a
-subquery in the place of each, with the same columns: the versions of the revision that was last
-committed at that time, without those of which something else was said since, and what was said.
-They are open and of fork 0, so a statement about any revision from the known one on finds them.
+A statement about one state names tables of versions. For a state of valid time, `ValidTime`
+replaces each by a subquery with the same columns: the versions at the last revision committed by
+that time, without those that sayings override, and the sayings. They are open and have fork 0, so a
+statement about any revision from the known one on finds them.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ _KEPT = 2_000
 
 
 class ValidTime:
-    """What held at a time, as it is known at a revision.
+    """The state at a valid time, as known at a revision.
 
     Attributes:
         moment: the time.
@@ -197,7 +197,7 @@ class ValidTime:
         return f"{time_text(self.moment)}, as known at revision {self.known}"
 
     def text(self, sql: str, dialect: Dialect, words: Words) -> str:
-        """Put it in the place of the tables that a statement names."""
+        """Replace the tables that a statement names."""
         amounts = self._amount("proposition"), self._amount("function_value")
         key = dialect.name, amounts, sql
         made = _WRITTEN.get(key)
@@ -219,7 +219,7 @@ class ValidTime:
         return "many" if ids is None else "few" if ids else "nothing"
 
     def covered(self, session: Session) -> dict[str, Any]:
-        """Return the parameters by which sayings that cover the time are found."""
+        """Return the parameters that find the sayings that cover the time."""
         return {
             "valid_known": self.known,
             "valid_moment": session.from_time(self.moment),
@@ -227,7 +227,7 @@ class ValidTime:
         }
 
     def parameters(self, session: Session) -> dict[str, Any]:
-        """Return the parameters that this adds to those of a statement."""
+        """Return the additional parameters."""
         if self._parameters:
             return self._parameters
         misfits, said = self.misfits or {}, self.said or {}
@@ -247,7 +247,7 @@ class ValidTime:
         return made
 
     def with_said(self, session: Session) -> ValidTime:
-        """Return the same with what something was said of; reads that have begun go on without."""
+        """Return the same with the elements of sayings; running reads continue without."""
         given, found = self.covered(session), copy(self)
         rows = session.rows(_of_what(session.words), **given, kb=self.kb_id, limit=FEW + 1)
         found.said, found._parameters = {}, {}
@@ -257,10 +257,10 @@ class ValidTime:
         return found
 
     def find_misfits(self, session: Session, definitions: Definitions) -> bool:
-        """Find what does not fit, in the tables and in what was true.
+        """Find elements that do not fit, in the tables and in the true state.
 
         Returns:
-            Whether something ended since that time that is not in the definitions of the revision.
+            Whether an element ended since that time that is not in the definitions of the revision.
         """
         assert self.kb_id is not None
         found: dict[str, list[int]] = {table: [] for table in _OWNERS}

@@ -1,4 +1,4 @@
-"""What the writers and readers of a process cache: definitions, and interned atoms and fluents."""
+"""The caches of a process: definitions, and interned atoms and fluents."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ..knowledge.definitions import Definition, Definitions
 from ..sql.definition_rows import last_change, load, load_at, refresh
 from ..sql.dialects.base import Session
 
-# The cache is cleared above this count, about 60 MB.
+# Clear the cache above this count, about 60 MB.
 CACHED_ATOMS = 200_000
 # The same where a process has many knowledge bases open, about 0.6 MB.
 CACHED_OF_MANY = 2_000
 CACHED_AGREEMENTS = 20_000
-# How many past revisions, and their definitions, are cached.
+# Cached past revisions, with their definitions.
 CACHED_PASTS, CACHED_EPOCHS = 64, 8
 
 K = TypeVar("K")
@@ -25,24 +25,24 @@ H = TypeVar("H")
 
 
 class InternCache(Generic[K, A, H]):
-    """What is known between transactions: identities, which stay, and what held."""
+    """Known identities, which are permanent, and the state at one revision."""
 
     def __init__(self, is_one_of_many: bool = False) -> None:
         self.identities: dict[K, A] = {}
-        self.held: dict[int, H] = {}  # what held at `revision`, by id: also that something did not
-        self.revision = 0  # the head when `held` was taken; it says nothing about any other
+        self.held: dict[int, H] = {}  # id -> content at `revision`, also that it did not hold
+        self.revision = 0  # the revision of `held`, which is not valid for any other
         self._most = CACHED_OF_MANY if is_one_of_many else CACHED_ATOMS
         self._lock = threading.Lock()
 
     def at(self, revision: int) -> dict[int, H]:
-        """Return what is known of a revision."""
+        """Return the cached state of a revision."""
         with self._lock:
             if revision != self.revision:
                 self.held, self.revision = {}, revision
             return self.held
 
     def advance(self, before: int, after: int) -> None:
-        """Keep what held at a revision for one that changed nothing of it."""
+        """Keep the cached state for a revision that changed nothing in it."""
         if before != after:
             with self._lock:
                 if before == self.revision:
@@ -56,13 +56,13 @@ class InternCache(Generic[K, A, H]):
         after: int,
         news: Mapping[int, H] | None,
     ) -> None:
-        """Share what a writer has found and made with later writers."""
+        """Share the identities and the state of a writer with later writers."""
         # Identities never change.
         self.identities.update(identities)
         if len(self.identities) > self._most:
             self.identities.clear()
         with self._lock:
-            # The head lock is released: another writer may have published first.
+            # The head is unlocked: another writer may have published first.
             if held is self.held and before == self.revision:
                 if news is None or len(held) > self._most:
                     self.held = {}
@@ -71,16 +71,17 @@ class InternCache(Generic[K, A, H]):
                 self.revision = after
 
 
-# What holds of an id: the proposition or the value itself; None: nothing.
+# The content of an id: the proposition or the value itself; None: it does not hold.
 AtomCache = InternCache[AtomKey, GroundAtom, GroundAtom | None]
 FluentCache = InternCache[FluentKey, GroundFluent, HeldValue | None]
 
 
 class Agreements:
-    """References by DTOs that agree with what is stored, as one transaction meets them.
+    """References by DTOs that agree with the store, as one transaction meets them.
 
-    Those of earlier ones are kept with the definitions. An added definition leaves the others as
-    they are, so agreements stay valid; `clear` them when a definition changes or is removed.
+    Agreements of earlier transactions are cached with the definitions. An added definition does not
+    change the others, so agreements stay valid; `clear` them when a definition changes or is
+    removed.
     """
 
     __slots__ = ("known", "new")
@@ -90,11 +91,11 @@ class Agreements:
         self.new: dict[Hashable, Definition] = {}
 
     def clear(self) -> None:
-        """Forget all, for this transaction alone."""
+        """Forget all, for this transaction only."""
         self.known, self.new = {}, {}
 
     def learn(self, definitions: Definitions) -> None:
-        """Share what a writer has found, which holds of the definitions after its commit."""
+        """Share the agreements of a writer, valid for the definitions after its commit."""
         known = self.known
         if len(known) + len(self.new) > CACHED_AGREEMENTS:
             known = {}
@@ -110,7 +111,7 @@ class Snapshot(NamedTuple):
 
 
 class Pasts(NamedTuple):
-    """Definitions of past revisions, with the names that the last erasure has left."""
+    """Definitions of past revisions, with the names after the last erasure."""
 
     erased: int | None  # the erasure
     by_revision: dict[int, Definitions]
@@ -118,20 +119,20 @@ class Pasts(NamedTuple):
 
 
 class DefinitionCache:
-    """The definitions of the head as a process last saw it, and of some past revisions."""
+    """The definitions of the last seen head, and of some past revisions."""
 
-    # What is kept never changes, so threads share it: a newer snapshot takes the place of an older.
-    # An erasure alone changes it.
+    # Cached snapshots never change, so threads share them: a newer snapshot replaces an older one.
+    # Only an erasure changes them.
 
     def __init__(self) -> None:
-        # The newest definitions that were read; None before the first.
+        # The newest definitions; None before the first read.
         self.snapshot: Snapshot | None = None
         self._pasts = Pasts(None, {}, {})
-        self._moved = 0  # the last change of definitions that a reader of the past has met
-        self.forgotten = 0  # how often all of it was forgotten
+        self._moved = 0  # the last change of definitions that a reader of the past has seen
+        self.forgotten = 0  # how often the cache was cleared
 
     def forget(self) -> None:
-        """Forget all, as texts of earlier revisions were erased."""
+        """Forget all, because texts of earlier revisions were erased."""
         self._forget(self._pasts.erased)
 
     def _forget(self, erased: int | None) -> Pasts:
@@ -141,15 +142,15 @@ class DefinitionCache:
         return pasts
 
     def heed(self, erased: int | None) -> Pasts:
-        """Forget all if there was an erasure since the last look; `erased` is the last one.
+        """Forget all if there was an erasure since the last call; `erased` is the last one.
 
-        Returns what is kept of past revisions for who sees this erasure, and no later one.
+        Returns the cached past revisions for readers that see this erasure, and no later one.
         """
         pasts = self._pasts
         return pasts if erased == pasts.erased else self._forget(erased)
 
     def adopt(self, other: DefinitionCache, revision: int, definitions: Definitions) -> None:
-        """Keep definitions that another cache has, for a past revision."""
+        """Keep the definitions of another cache, for a past revision."""
         pasts = other._pasts
         if pasts.by_revision.get(revision) is definitions:
             self._pasts = Pasts(pasts.erased, {revision: definitions}, {})
@@ -166,13 +167,13 @@ class DefinitionCache:
     def at_head(
         self, session: Session, kb_id: int, definition_revision: int, archived: int
     ) -> Definitions:
-        """Return the definitions of a head that was read in the session's transaction."""
+        """Return the definitions of a head read in the session's transaction."""
         snapshot = self.snapshot
         if snapshot is not None and snapshot.definition_revision == definition_revision:
             return snapshot.definitions
         if snapshot is None or not archived <= snapshot.definition_revision < definition_revision:
-            # Behind an archive, the tables no longer show what has ended since. Ahead of the
-            # head is a reader that began before another thread's commit.
+            # Before an archive, the tables no longer show later ends. A cache may be ahead of a
+            # reader that began before another thread's commit.
             return self.load(session, kb_id)
         definitions = refresh(session, kb_id, snapshot.definitions, snapshot.definition_revision)
         if definitions is None:
@@ -182,14 +183,14 @@ class DefinitionCache:
         return definitions
 
     def guess(self, revision: int | None) -> Snapshot | None:
-        """Return definitions that are right unless another process has changed some meanwhile."""
+        """Return definitions that are current unless another process has changed some meanwhile."""
         known = self.snapshot
         if known is None or revision is None:
             return known
         return known if revision >= max(known.definition_revision, self._moved) else None
 
     def known(self, revision: int | None) -> Definitions | None:
-        """Return definitions that are in memory: those of a past revision never change."""
+        """Return cached definitions: those of a past revision never change."""
         kept = None if revision is None else self._pasts.by_revision.get(revision)
         guess = self.guess(revision) if kept is None else None
         return kept if guess is None else guess.definitions
@@ -203,7 +204,7 @@ class DefinitionCache:
         archived: int,
         pasts: Pasts,
     ) -> Definitions:
-        """Return the definitions of a past revision, reading no more than has to be read."""
+        """Return the definitions of a past revision, with as few reads as possible."""
         self._moved = max(self._moved, definition_revision)
         kept = pasts.by_revision.get(revision)
         if kept is not None:
@@ -211,7 +212,7 @@ class DefinitionCache:
         if revision >= definition_revision:
             definitions = self.at_head(session, kb_id, definition_revision, archived)
         else:
-            # Archived versions no longer show their changes; before all of them was nothing.
+            # Archived versions no longer show their changes; before all of them there was nothing.
             epoch = max(last_change(session, kb_id, revision), min(archived, revision))
             known = pasts.by_epoch.get(epoch)
             definitions = load_at(session, kb_id, revision) if known is None else known

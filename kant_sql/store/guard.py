@@ -1,8 +1,8 @@
-"""Rules that refuse: what a transaction changes must not break them.
+"""Refusing rules: the changes of a transaction must not break them.
 
-What a rule forbids is a condition on some objects. Only a change that makes a part of the condition
-true can bring it about, so that part has the objects of the change, and one statement looks for the
-others: its cost does not grow with the store. What follows by rules is looked for as a whole.
+A rule forbids a condition on some objects. Only a change that makes a part of the condition true
+can violate it, so that part has the objects of the change, and one statement searches for the
+others: its cost does not grow with the store. Derived facts are searched as a whole.
 """
 
 from __future__ import annotations
@@ -34,32 +34,32 @@ from ..sql.dialects.base import Session
 from ..sql.relations import ConditionStatement
 from ..sql.rows import FACT, VALUE
 
-# What each element of a kind was before a transaction, and what it is now; None where it is not.
+# The content of elements before a transaction and now, by kind; None if it does not hold.
 Changes = Mapping[str, Sequence[tuple[Any, Any, Any]]]
 PROPOSITIONS, VALUES = "propositions", "values"
 _STATE = {PROPOSITIONS, VALUES}
-# The kinds that decide what a rule means.
+# The kinds that affect the meaning of a rule.
 _MEANING = ("type", "predicate", "function", "formula", "rule")
 
 
 @dataclass(frozen=True, eq=False)
 class Forbidden:
-    """Objects for which a condition holds, which a rule forbids."""
+    """A condition that a rule forbids, with its objects."""
 
     rule: RuleDefinition
     formula: f.Formula  # the part of the rule within its quantifiers
-    variables: tuple[f.TypedName, ...]  # those of the quantifiers
+    variables: tuple[f.TypedName, ...]  # the variables of the quantifiers
     bound: tuple[r.Bound, ...]  # the variables of the condition, those of the quantifiers first
     part: r.Part
 
 
 @dataclass(eq=False)
 class _Trigger:
-    """A part of what is forbidden that changes make true, with the objects of its terms."""
+    """A part of a forbidden condition that changes can make true."""
 
     forbidden: Forbidden
     terms: tuple[r.Place, ...]
-    # Where the variables stand among the terms; without any, all is looked for.
+    # The positions of variables among the terms; without any, search for all objects.
     places: Mapping[r.Slot, int]
     statement: ConditionStatement | None = None
 
@@ -73,7 +73,7 @@ class _Trigger:
         ) and all(_ranges(one.types, definitions.objects.get(pairs[one.slot])) for one in own)
 
     def written(self, question: Question) -> ConditionStatement:
-        """Write the statement of the first of some rows with which the condition holds."""
+        """Write the statement that finds the first of some rows for which the condition holds."""
         one = self.forbidden
         rest = tuple([each for each in one.bound if each.slot not in self.places])
         part = r.Witness(rest, one.part) if rest else one.part
@@ -81,7 +81,7 @@ class _Trigger:
 
 
 def _ranges(types: Iterable[r.TypeSet], found: Any) -> bool:
-    """Return whether a variable of some types ranges over an object, which may be gone."""
+    """Return whether a variable of some types ranges over an object, which may be deleted."""
     return found is not None and all(
         one is None or not one.isdisjoint(found.type_ids) for one in types
     )
@@ -93,7 +93,7 @@ def forbidden_by(
     formula: f.Formula,
     variables: tuple[f.TypedName, ...] = (),
 ) -> Iterator[Forbidden]:
-    """Yield what the parts of a rule forbid; refuse a part that no single state violates."""
+    """Yield the forbidden conditions of a rule; refuse a part that no single state violates."""
     match formula:
         case f.And(parts):
             for each in parts:
@@ -104,7 +104,7 @@ def forbidden_by(
             resolver = r.Resolver(definitions)
             slots = resolver.variables(variables)
             part = r.negate(resolver.part(condition))
-            # Each way to violate it by itself, so that an error names its facts.
+            # Each way to violate it separately, so that an error names its facts.
             for way in part.parts if isinstance(part, r.OneOf) else (part,):
                 open_, within = slots, way
                 while isinstance(within, r.Witness):
@@ -120,7 +120,7 @@ def forbidden_by(
 
 
 def _leaves(part: Any, begins: bool = True) -> Iterator[tuple[Any, bool]]:
-    """Yield the leaves and variables of a condition; whether it comes true when they begin."""
+    """Yield the leaves and variables of a condition, and whether their beginning makes it true."""
     if isinstance(part, r.Witness):
         yield from ((one, begins) for one in part.bound)
     inner = r.inner_parts(part)
@@ -131,14 +131,14 @@ def _leaves(part: Any, begins: bool = True) -> Iterator[tuple[Any, bool]]:
 
 
 class RuleGuard:
-    """What the refusing rules of a state forbid, and which changes may bring it about."""
+    """The forbidden conditions of a state's refusing rules, and the changes that may cause them."""
 
     def __init__(self, definitions: Definitions) -> None:
         self.definitions = definitions
         self.all: list[Forbidden] = []
-        # By the kind of a change, its predicate or function, and whether it begins.
+        # Keyed by the kind of a change, its predicate or function, and whether it is a beginning.
         self.triggers: defaultdict[tuple[str, int, bool], list[_Trigger]] = defaultdict(list)
-        self.objects: list[_Trigger] = []  # what a new object may bring about
+        self.objects: list[_Trigger] = []  # the conditions that a new object may cause
         # The variables within conditions, and whether more objects make these true.
         self.ranges: list[tuple[Forbidden, Iterable[r.TypeSet], bool]] = []
         self.rules = rules_of(definitions)
@@ -153,7 +153,7 @@ class RuleGuard:
         derived = self.rules.of
         parts = one.part.parts if isinstance(one.part, r.AllOf) else (one.part,)
         facts = [each for each in parts if isinstance(each, r.HoldsFact)]
-        # A new object that a fact has is found by the fact.
+        # A new object in a fact is found by the fact.
         found = {term for each in facts if not derived(each.predicate) for term in each.terms}
         for each in one.bound:
             if each.slot not in found:
@@ -171,7 +171,7 @@ class RuleGuard:
                         self.triggers[VALUES, function, sign].append(_trigger(one, terms))
 
     def _depend(self, one: Forbidden, derived: r.HoldsFact) -> None:
-        """Look for all when something changes that a derived predicate depends on."""
+        """Search for all objects if a dependency of a derived predicate changes."""
         self.ranges += [(one, (), True), (one, (), False)]
         for is_fact, owner in heads_of(self.rules, derived):
             for sign in (True, False):
@@ -185,7 +185,7 @@ def _trigger(one: Forbidden, terms: tuple[r.Place, ...]) -> _Trigger:
 
 
 def guard_of(definitions: PendingDefinitions, touched: Container[str]) -> RuleGuard:
-    """Return the guard of a state; it is kept as long as nothing changes what rules mean."""
+    """Return the guard of a state, cached until the meaning of rules changes."""
     if any(kind in touched and definitions.elements(kind).changes for kind in _MEANING):
         return RuleGuard(definitions)
     origin = definitions.origin
@@ -198,10 +198,10 @@ def guard_of(definitions: PendingDefinitions, touched: Container[str]) -> RuleGu
 
 
 class TouchedRules:
-    """What the changes of a transaction may have brought about: wholly, or for some objects."""
+    """The rules that a transaction may have violated, for all objects or for some."""
 
     def __init__(self, definitions: PendingDefinitions, changes: Changes | None) -> None:
-        """Find it; without changes, which may be too many to be kept, all is looked for."""
+        """Find them; without a list of changes, which may be too long, check all."""
         self.guard = guard_of(definitions, _MEANING if changes is None else changes)
         self.definitions = definitions
         self.whole: dict[Forbidden, None] = {}
@@ -215,7 +215,7 @@ class TouchedRules:
             self._read(changes)
 
     def _is_other(self, changes: Changes) -> bool:
-        """Return whether what rules mention has another meaning."""
+        """Return whether elements that rules mention have another meaning."""
         kinds = ("type", "predicate", "function")
         others = (before for kind in kinds for _, before, _ in changes.get(kind, ()))
         objects = (None not in pair for _, *pair in changes.get("object", ()))
@@ -251,7 +251,7 @@ class TouchedRules:
                 self.rows[one].append(row)
 
     def refuse(self, session: Session, kb_id: int) -> None:
-        """Raise when what is forbidden has come true."""
+        """Raise if a forbidden condition holds."""
         self._reader = Reader(session, kb_id)
         for one in self.whole:
             self._refuse(one, {})
@@ -262,7 +262,7 @@ class TouchedRules:
             if statement is None:
                 question = self._question(self.guard.definitions)
                 statement = trigger.statement = trigger.written(question)
-            # The first row with whose objects the condition holds.
+            # The first row for whose objects the condition holds.
             for place, *_ in self._reader.run(statement, {"touched": json.dumps(rows)}):
                 known = {slot: r.Known(rows[place][n]) for slot, n in trigger.places.items()}
                 self._refuse(trigger.forbidden, known)
@@ -271,7 +271,7 @@ class TouchedRules:
         return Question(self._reader.session.backend.words, definitions, False)
 
     def _refuse(self, one: Forbidden, known: Mapping[r.Slot, r.Known]) -> None:
-        """Raise for the first objects for which the condition holds, if there are any."""
+        """Raise for the first objects for which the condition holds, if any."""
         definitions = self.definitions
         part = r.replaced(one.part, {**known}, count(1_000_000))
         columns = [r.Column("", each) for each in one.bound if each.slot not in known]
@@ -299,7 +299,7 @@ class TouchedRules:
 
 
 def _reading(definitions: Definitions, read: Reading[int]) -> tuple[str | None, ...]:
-    """Write what is read in names."""
+    """Write the read facts and values with names."""
     is_fact, owner, row = read
     kind, owners = (FACT, definitions.predicates) if is_fact else (VALUE, definitions.functions)
     names = [None if id_ is None else definitions.objects.live(id_).name for id_ in row]
@@ -307,7 +307,7 @@ def _reading(definitions: Definitions, read: Reading[int]) -> tuple[str | None, 
 
 
 def _text(definitions: Definitions, part: r.Part) -> str | None:
-    """Write a fact, or that one lacks; None for what is no fact of objects."""
+    """Write a fact or its absence; None for other parts."""
     if isinstance(part, r.Lacks):
         text = _text(definitions, part.part)
         return text and f"(not {text})"

@@ -1,4 +1,4 @@
-"""The head of a knowledge base: the row that its writers lock, and move on."""
+"""The head of a knowledge base: the row that its writers lock and advance."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _HASH = Query(
 )
 _FIND = Query(select(KnowledgeBaseRow.id).where(KnowledgeBaseRow.name == bindparam("name")))
 _LAST_KB = Query(select(func.max(KnowledgeBaseRow.id)))
-# How often a number is chosen for a knowledge base while others take it.
+# Attempts to allocate an id for a knowledge base while others take it.
 _ATTEMPTS = 100
 _NAME = Query(select(KnowledgeBaseRow.name).where(KnowledgeBaseRow.id == KB))
 _NEW_KB = Insert(table_of(KnowledgeBaseRow), "id", "name")
@@ -37,15 +37,15 @@ _NEW_HEAD = Insert(table_of(HeadRow), "kb_id", *EMPTY_HEAD)
 
 
 class Head(NamedTuple):
-    """Where a knowledge base stands, read under its lock."""
+    """The head, read under its lock."""
 
     revision: int  # the last revision; 0 before the first
     definition_revision: int  # the last revision that changed a definition
     next_id: int  # the id that the next element gets
     hash: str | None  # the last revision's hash
     committed_at: datetime | None  # the last revision's time
-    archived_revision: int  # what ended up to this revision was moved to an archive
-    origin: str | None  # the store that it is replicated from; None when it is written here
+    archived_revision: int  # versions that ended up to this revision are in an archive
+    origin: str | None  # the store that it is a replica of; None if it is written here
     clock: datetime  # the store's time when the lock was taken
 
 
@@ -57,7 +57,7 @@ _LOCK = Query(
 )
 
 
-# What each revision changes of a head, whether it is written there or copied.
+# The columns of a head that each revision changes, written or copied.
 MOVED: dict[str, Any] = {
     "revision": integer("number"),
     "definition_revision": integer("definitions"),
@@ -73,11 +73,11 @@ def set_head(**values: Any) -> Query:
 
 
 class Committed(NamedTuple):
-    """A revision that was written, and is committed when the database says so."""
+    """A written revision, whose commit the database still has to confirm."""
 
     number: int
     hash: str
-    moment: Any  # when, in the driver's form
+    moment: Any  # its time, in the driver's form
 
 
 def read_name(session: Session, kb_id: int) -> str:
@@ -87,7 +87,7 @@ def read_name(session: Session, kb_id: int) -> str:
 
 
 def whose(session: Session, kb_id: int) -> str:
-    """Name a knowledge base and its store in a message."""
+    """Return the name of a knowledge base and its store, for a message."""
     return f"knowledge base {read_name(session, kb_id)!r} of {session.backend.label}"
 
 
@@ -100,7 +100,7 @@ def find_knowledge_base(session: Session, name: str) -> int | None:
 
 
 def create_knowledge_base(session: Session, name: str) -> int:
-    """Create a knowledge base, before its first revision, unless another process just did."""
+    """Create a knowledge base before its first revision, unless another process just did."""
     taken = None
     for _ in range(_ATTEMPTS):
         kb_id = 1 + _last_id(session)
@@ -135,7 +135,7 @@ def _last_id(session: Session) -> int:
 
 
 def lock_head(session: Session, kb_id: int) -> Head | None:
-    """Lock a knowledge base against other writers, and read where it stands."""
+    """Lock a knowledge base against other writers, and read its head."""
     row = session.first(_LOCK, kb=kb_id)
     if row is None:
         return None
@@ -153,7 +153,7 @@ def lock_head(session: Session, kb_id: int) -> Head | None:
 
 
 def to_time_of_head(session: Session, kb_id: int, moment: Any) -> datetime | None:
-    """Convert the time of the last revision, or name whose cannot be read."""
+    """Convert the time of the last revision; the error names the knowledge base."""
     try:
         return None if moment is None else session.to_time(moment)
     except UNREADABLE as error:
@@ -161,7 +161,7 @@ def to_time_of_head(session: Session, kb_id: int, moment: Any) -> datetime | Non
 
 
 def check_numbers(session: Session, kb_id: int, numbers: Iterable[tuple[str, Any]]) -> None:
-    """Check that columns of the head have integers: SQLite keeps anything in any column."""
+    """Check that columns of the head have integers: SQLite stores any type in any column."""
     for name, value in numbers:
         if not isinstance(value, int) or value < 0:
             raise StoreIntegrityError(
@@ -178,7 +178,7 @@ def hash_of(session: Session, kb_id: int, number: int) -> str | None:
 
 
 def check_last(session: Session, kb_id: int, head: Head) -> None:
-    """Check that the revision exists that a locked head is at."""
+    """Check that the revision of a locked head exists."""
     if head.revision and hash_of(session, kb_id, head.revision) is None:
         name = read_name(session, kb_id)
         raise missing_revision(session.backend.label, name, head.revision)

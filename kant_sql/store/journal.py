@@ -1,8 +1,8 @@
 """The rollback journal of a transaction's memory.
 
-A scope that fails is rolled back alone. Until the transaction writes, the journal restores memory
-entry by entry. Once it writes within a scope, a savepoint rolls the database back, and memory is
-restored from the copy made when the savepoint was set.
+A failed scope is rolled back alone. Until the transaction writes, the journal restores memory entry
+by entry. Once it writes within a scope, a savepoint rolls back the database, and memory is restored
+from a copy made at the savepoint.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class Journal:
         self.when_rolled_back: Callable[[], None] | None = None
 
     def track(self, *tables: _Table) -> None:
-        """Restore these tables, too, when a scope is rolled back."""
+        """Also restore these tables when a scope is rolled back."""
         self._tables += tables
 
     def assign(self, table: _Table, key: Any, value: Any) -> None:
         """Set an entry of a tracked table."""
-        # A scope with a savepoint has a copy, and so have those around it.
+        # A scope with a savepoint has a copy, and so have its outer scopes.
         if self._scopes and self._scopes[-1].savepoint is None:
             self._entries.append((table, key, table.get(key, _MISSING)))
         table[key] = value
@@ -46,15 +46,15 @@ class Journal:
         table.update(entries)
 
     def scope(self) -> JournalScope:
-        """Open a scope: what happens within it happens whole or not at all."""
+        """Open a scope, which is atomic."""
         return JournalScope(self)
 
     def before_write(self) -> None:
-        """Set the savepoints of the open scopes: memory alone cannot roll a write back."""
+        """Set the savepoints of the open scopes: memory alone cannot roll back a write."""
         for scope in self._scopes:
             if scope.savepoint is None:
                 scope.savepoint = self._session.savepoint()
-                # Nothing was written since the scope began: a savepoint now equals one set then.
+                # Nothing was written since the scope began, so a savepoint now equals one set then.
                 copies = {id(table): dict(table) for table in self._tables}
                 for table, key, before in reversed(self._entries[scope.start :]):
                     _restore(copies[id(table)], key, before)
@@ -69,7 +69,7 @@ class Journal:
         elif self._session.in_transaction():
             self._session.rollback_to(scope.savepoint)
             for table in self._tables:
-                # A table that is younger than the savepoint was empty when it was set.
+                # A table that is younger than the savepoint was empty at the savepoint.
                 before = scope.copies.get(id(table), {})
                 table.clear()
                 table.update(before)
@@ -81,7 +81,7 @@ class Journal:
 class JournalScope:
     """A part of a transaction that is rolled back alone if it fails.
 
-    The savepoint is set when something is written within it, and the tables are copied then.
+    The first write within it sets the savepoint and copies the tables.
     """
 
     __slots__ = ("_journal", "copies", "savepoint", "start")

@@ -1,9 +1,9 @@
-"""The ledger of intervals: what a transaction changes in one version table.
+"""The ledger of intervals: the changes of a transaction in one version table.
 
-A row of a version table says what held from one revision until another. In one revision an element
-can be asserted and retracted many times; the ledger keeps what held before, what holds now, and
-what the tables say, and writes the difference with at most four statements: close what held
-before, delete what this revision wrote, reopen what it closed, insert what is new.
+A row of a version table is an interval from one revision until another. In one revision an element
+can be asserted and retracted many times; the ledger keeps the versions before, the present ones,
+and those in the tables, and writes the difference with at most four statements: close earlier
+versions, delete versions of this revision, reopen versions that it closed, insert new ones.
 """
 
 from __future__ import annotations
@@ -70,10 +70,10 @@ V = TypeVar("V")
 
 
 class WriteContext:
-    """What the ledgers of a transaction need of it.
+    """The parts of a transaction that its ledgers need.
 
-    `head` is the row as it was locked, `number` the revision that is being made, `period` what the
-    transaction speaks of (None: from now on), and `says` whether what is written is said of it.
+    `head` is the locked row, `number` the new revision, `period` the valid period of the
+    transaction (None: from now on), and `says` whether writes are sayings about it.
     """
 
     __slots__ = ("head", "journal", "kb_id", "next_id", "number", "period", "says", "session")
@@ -97,27 +97,27 @@ class WriteContext:
         return range(first, first + number)
 
     def reserve(self, ids: Iterable[int]) -> None:
-        """Allocate no id that another knowledge base has given out."""
+        """Allocate no id that another knowledge base has assigned."""
         self.next_id = max(self.next_id, 1 + max(ids, default=0))
 
 
 class PendingChanges(ABC):
-    """What a transaction has changed of one kind of knowledge; `pending` is not written yet."""
+    """The changes of a transaction to one kind of knowledge; `pending` is not written yet."""
 
     defines: ClassVar[bool] = False
     pending: dict[Any, Any]
 
     @abstractmethod
     def lines(self) -> list[Change]:
-        """Return what the revision changes, if nothing of it was forgotten."""
+        """Return the changes of the revision, if none were forgotten."""
 
     @abstractmethod
     def write(self) -> None:
-        """Write what is pending."""
+        """Write pending changes."""
 
 
 class Ledger(PendingChanges, Generic[K, V]):
-    """What a transaction changes in one version table: by key, the open version or None."""
+    """The changes of a transaction in one version table: key -> the open version or None."""
 
     versions: VersionTable
 
@@ -131,23 +131,23 @@ class Ledger(PendingChanges, Generic[K, V]):
         self.context = context
         self.changes: dict[K, V | None] = {} if changes is None else changes
         self.pending: dict[K, None] = {}
-        # What held before the revision; what the tables have now, where it differs.
+        # The versions before the revision; and those in the tables, if different.
         self._origin = origin
         self._written: dict[K, V | None] = {}
         self.assign = context.journal.assign
         context.journal.track(self.changes, self.pending, self._written, *tables)
 
     def now(self, key: K) -> V | None:
-        """Return what holds, as changed so far."""
+        """Return the present versions, with changes so far."""
         return self.changes[key] if key in self.changes else self._origin(key)
 
     def put(self, key: K, value: V | None) -> None:
-        """Set what holds from this revision on; None: nothing."""
+        """Set the version from this revision on; None for no version."""
         self.assign(self.changes, key, value)
         self.assign(self.pending, key, None)
 
     def lines(self) -> list[Change]:
-        """Return what the revision changes: one line for each end of an interval."""
+        """Return the changes of the revision: one line for each end of an interval."""
         lines = []
         for key, before, now in self.differences():
             if before is not None:
@@ -157,14 +157,14 @@ class Ledger(PendingChanges, Generic[K, V]):
         return lines
 
     def differences(self) -> Iterator[tuple[K, V | None, V | None]]:
-        """Yield what held before of each key, and what holds now, where they differ."""
+        """Yield the earlier and the present version of each key, if they differ."""
         for key, now in self.changes.items():
             before = self._origin(key)
             if now != before:
                 yield key, before, now
 
     def write(self) -> None:
-        """Write what is pending."""
+        """Write pending changes."""
         self._write_identities()
         closed, unmade, reopened, opened = self._unwritten()
         self.pending.clear()
@@ -180,7 +180,7 @@ class Ledger(PendingChanges, Generic[K, V]):
                 self.context.session.insert(into, rows)
 
     def _unwritten(self) -> tuple[list[K], list[K], list[K], list[tuple[K, V]]]:
-        """Return what to close, delete, reopen and insert to make the tables say what holds now."""
+        """Return the versions to close, delete, reopen and insert to update the tables."""
         closed: list[K] = []
         unmade: list[K] = []
         reopened: list[K] = []
@@ -206,7 +206,7 @@ class Ledger(PendingChanges, Generic[K, V]):
         self.context.session.run_for(statement, ids, kb=self.context.kb_id, at=self.context.number)
 
     def _write_identities(self) -> None:
-        """Write the identities that were made since the last write."""
+        """Write the identities made since the last write."""
 
     @abstractmethod
     def _line(self, key: K, value: V) -> tuple[str, str]:
@@ -221,19 +221,19 @@ class Ledger(PendingChanges, Generic[K, V]):
 I = TypeVar("I", bound="GroundAtom | GroundFluent")  # noqa: E741
 
 
-# The text of what was said last, and its number.
+# The text of the last saying, and its number.
 _UNSAID: Row = (None, None)
 
 
 class NewSaying(NamedTuple):
-    """What a revision says of an element: its text, and the columns of its row after the keys."""
+    """A saying about an element: its text, and the columns of its row after the keys."""
 
     text: str
     columns: Row
 
 
 class SayingLedger(Ledger[int, NewSaying]):
-    """What a transaction says of its period, or of one after the other: at most once of each."""
+    """The sayings of a transaction about its period, or several periods: one for each element."""
 
     versions: SayingTable
 
@@ -245,13 +245,13 @@ class SayingLedger(Ledger[int, NewSaying]):
         self.turn_to(period)
 
     def turn_to(self, period: Period) -> None:
-        """Set the period of which it is said from now on."""
+        """Set the period of further sayings."""
         self.period = period
         times = map(self.context.session.from_time, period[:2])
         self._ends: Row = (*times, fork_of_period(*period[:2]))
 
     def load(self, ids: Iterable[int]) -> None:
-        """Read what earlier revisions said last of some elements, in one statement."""
+        """Read the last earlier saying about each of some elements, in one statement."""
         unknown = [id_ for id_ in ids if id_ not in self._last]
         if unknown:
             context, session = self.context, self.context.session
@@ -260,17 +260,17 @@ class SayingLedger(Ledger[int, NewSaying]):
             self._last.update((row[0], row[1:]) for row in found)
 
     def last(self, id_: int) -> Row:
-        """Return the text of what was said last of an element, and its number as text."""
+        """Return the text of the last saying about an element, and its number as text."""
         if id_ not in self._last:
             self.load((id_,))
         return self._last[id_]
 
     def note_new(self, ids: Iterable[int]) -> None:
-        """Keep that nothing was said of some elements."""
+        """Note that some elements have no sayings."""
         self._last.update(dict.fromkeys(ids, _UNSAID))
 
     def say(self, id_: int, columns: Row, text: str) -> bool:
-        """Say something of an element; return whether that is a change."""
+        """Add a saying about an element; return whether it is new."""
         columns = (*self._ends, text, *columns)
         said = None if self.last(id_)[0] == text else NewSaying(text, columns)
         if said == self.now(id_):
@@ -279,7 +279,7 @@ class SayingLedger(Ledger[int, NewSaying]):
         return True
 
     def forget(self) -> None:
-        """Forget what was written, to bound memory; the tables say it from now on."""
+        """Forget written changes, to bound memory; the tables have them."""
         self._was_spilled = True
         for table in (self._last, self.changes, self._written):
             table.clear()
@@ -299,10 +299,10 @@ class SayingLedger(Ledger[int, NewSaying]):
 
 
 class InternedLedger(Ledger[int, V], Generic[I, V]):
-    """The ledger of elements that are found by their arguments: ground atoms and fluents."""
+    """The ledger of elements identified by their arguments: ground atoms and fluents."""
 
     identity: ClassVar[type[Any]]
-    # Its columns are those of an identity: the id, the parts of the key, the text.
+    # The columns of an identity: the id, the parts of the key, the text.
     new_identity: ClassVar[Insert]
     new_argument: ClassVar[Insert]
     new_version: ClassVar[Insert]
@@ -321,7 +321,7 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
 
     @property
     def is_untouched(self) -> bool:
-        """Whether the transaction has met no element so far."""
+        """Whether the transaction has used no element so far."""
         return not (self.was_spilled or self._known)
 
     def find(self, keys: Collection[Any]) -> dict[Any, I]:
@@ -333,7 +333,7 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
             identity = known.get(key) or cached.get(key)
             if identity is not None:
                 found[key] = identity
-            # Elements that are new in this transaction are not stored unless it has spilled.
+            # New elements of this transaction are not stored unless it has spilled.
             elif self.was_spilled or key[-2] < self.context.head.next_id:
                 missing.setdefault(key[:-1], []).append(key[-1])
         for group, arguments in missing.items():
@@ -344,11 +344,11 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
         return found
 
     def find_one(self, key: Any) -> I | None:
-        """Find an identity; None for a key of None, too."""
+        """Find an identity; None also for the key None."""
         return None if key is None else self.find((key,)).get(key)
 
     def find_or_say(self, key: Any, definitions: Definitions) -> I | None:
-        """Find an identity; make it for who says of a period that it was not so then."""
+        """Find an identity; make it for a saying that the element did not hold in a period."""
         if key is None:
             return None
         found = self.find((key,)).get(key)
@@ -362,7 +362,7 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
         return identity
 
     def load(self, identities: Iterable[I]) -> None:
-        """Read what holds of some elements, in one or two statements for all of them."""
+        """Read the versions of some elements, in one or two statements for all of them."""
         unknown: dict[int, I] = {}
         before, cached = self._before, self._cached
         for identity in identities:
@@ -376,7 +376,7 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
             self._read(unknown)
 
     def value_of(self, identity: I) -> V | None:
-        """Return what holds of an element, as changed so far."""
+        """Return the version of an element, with changes so far."""
         id_ = identity.id
         if id_ in self.changes:
             return self.changes[id_]
@@ -386,11 +386,11 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
         return self._before[id_]
 
     def note(self, before: Mapping[int, V | None]) -> None:
-        """Keep what the tables say of elements that the transaction has not touched."""
+        """Keep the stored versions of elements that the transaction has not touched."""
         self._before.update(before)
 
     def forget(self) -> None:
-        """Forget what was written, to bound memory; the tables say it from now on."""
+        """Forget written changes, to bound memory; the tables have them."""
         self.was_spilled = True
         for table in (self._known, self._new, self._before, self.changes, self._written):
             table.clear()
@@ -407,7 +407,7 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
         return found | {each.key: each for each in made.values()}
 
     def say_all(self, period: Period, said: Mapping[Any, tuple[str, Any]]) -> None:
-        """Say of a period, one of several, what elements were: by key, the text and the value."""
+        """Add sayings about a period, one of several: key -> the text and the value."""
         if self.sayings is None:
             self.sayings = SayingLedger(self.context, self.said_in, period)
         self.sayings.turn_to(period)
@@ -417,7 +417,7 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
             self._say(self.sayings, each, said[key][1])
 
     def _add_new(self, identities: dict[int, I], values: dict[int, V | None]) -> None:
-        """Assert elements that were never known before, in the period of the transaction if any."""
+        """Assert new elements, in the period of the transaction if any."""
         sayings = self.sayings
         if sayings is None or not self.context.says:
             self._add(identities, values)
@@ -428,16 +428,16 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
             self._say(sayings, identity, values[id_])
 
     def _speak(self, identity: I, value: V | None) -> tuple[bool, bool]:
-        """Say what held in the period; return whether that is a change, and whether it is all."""
+        """Add a saying about the period; return whether it is new, and whether it is all."""
         assert self.sayings is not None
         return self._say(self.sayings, identity, value), not self.sayings.period.is_open
 
     @abstractmethod
     def _say(self, sayings: SayingLedger, identity: I, value: V | None) -> bool:
-        """Say what held in the period; return whether that is a change."""
+        """Add a saying about the period; return whether it is new."""
 
     def _add(self, identities: dict[int, I], values: dict[int, V | None]) -> None:
-        """Assert elements that were never known before; with a value of None, only know them."""
+        """Assert new elements; with the value None, only make their identities."""
         assign_all = self.context.journal.assign_all
         assign_all(self._known, {each.key: each for each in identities.values()})
         assign_all(self._new, identities)
@@ -462,8 +462,8 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
             new.clear()
 
     def publish(self, revision: int) -> None:
-        """Share what the transaction has found and made with later ones, after it ended well."""
-        # The revision is the one that it has made, or the one that it began at.
+        """Share the identities and versions of the transaction with later ones, after a commit."""
+        # The revision that it made, or the one at which it began.
         head, known, before = self.context.head, self._known, self._before
         if revision != head.revision:
             news = {**before, **self.changes}
@@ -476,15 +476,15 @@ class InternedLedger(Ledger[int, V], Generic[I, V]):
 
     @abstractmethod
     def _find(self, group: Any, arguments: list[str]) -> Iterator[tuple[I, V | None]]:
-        """Read the identities of one predicate or function, and what holds of each."""
+        """Read the identities of one predicate or function, with their versions."""
 
     @abstractmethod
     def _read(self, unknown: dict[int, I]) -> None:
-        """Read what holds of elements."""
+        """Read the versions of elements."""
 
 
 class DefinitionLedger(Ledger[int, Definition]):
-    """The definitions of one kind that a transaction changes."""
+    """The changed definitions of one kind in a transaction."""
 
     defines = True
 
@@ -499,14 +499,14 @@ class DefinitionLedger(Ledger[int, Definition]):
         self.versions = self._tables.version
 
     def look_up(self, names: Iterable[str]) -> None:
-        """Find the identities of names that are not live, in one statement."""
+        """Find the identities of names without a live element, in one statement."""
         elements = self._elements
         keys = {
             key
             for key, name in {fold(name): name for name in names}.items()
             if key not in elements.interned
             and elements.get(elements.ids.get(key)) is None
-            # An invalid name is refused on save; here a driver might fail to encode it.
+            # Saving refuses an invalid name; here a driver might fail to encode it.
             and is_word(name)
         }
         if keys:
@@ -515,7 +515,7 @@ class DefinitionLedger(Ledger[int, Definition]):
             context.journal.assign_all(elements.interned, found)
 
     def intern(self, name: str) -> tuple[int, str]:
-        """Find the identity of a name that is not live, or make it."""
+        """Find or make the identity of a name without a live element."""
         elements, key = self._elements, fold(name)
         if key not in elements.interned:
             self.look_up((name,))
@@ -560,13 +560,13 @@ class DefinitionLedger(Ledger[int, Definition]):
 
 
 def _first_two(arguments: str) -> tuple[int | None, int | None]:
-    """Return the ids of the first two arguments of a key; None where it has fewer."""
+    """Return the ids of the first two arguments of a key; None for missing ones."""
     ids = arguments.split(" ", 2)
     return int(ids[0]) if arguments else None, int(ids[1]) if len(ids) > 1 else None
 
 
 class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
-    """The propositions that a transaction asserts and retracts."""
+    """The asserted and retracted propositions of a transaction."""
 
     versions = VERSIONS
     said_in = FACT_SAYINGS
@@ -579,7 +579,7 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
 
     def hold_all(self, texts: Mapping[AtomKey, str], old: Collection[AtomKey] | None = None) -> int:
         """Assert propositions, with statements only for each predicate; count the new ones."""
-        # `old` are those that may be known already; by default, all of them.
+        # `old` are those that may already be known; by default, all of them.
         found = self.find(texts if old is None else old)
         self.load(found.values())
         if self.sayings is not None:
@@ -592,10 +592,10 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
         return changed
 
     def add_all(self, texts: Mapping[AtomKey, str]) -> None:
-        """Assert propositions that were never known before."""
+        """Assert new propositions."""
         ids = self.context.allocate(len(texts))
         atoms = dict(zip(ids, map(GroundAtom, ids, texts, texts.values()), strict=True))
-        # Goals have one clock.
+        # Goals have only known time.
         are_goals = any(key.is_goal for key in islice(texts, 1))
         (self._add if are_goals else self._add_new)(atoms, {**atoms})
 
@@ -605,7 +605,7 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
         self._add(atoms, {**atoms})
 
     def holds(self, atom: GroundAtom) -> bool:
-        """Whether a proposition holds, as changed so far."""
+        """Whether a proposition holds, with changes so far."""
         return self.value_of(atom) is not None
 
     def held_before(self, atom: GroundAtom) -> bool:
@@ -614,9 +614,9 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
         return self._before.get(atom.id) is not None
 
     def set(self, atom: GroundAtom, holds: bool) -> bool:
-        """Assert or retract a proposition; return whether that is a change."""
+        """Assert or retract a proposition; return whether it changed."""
         said = False
-        # Goals have one clock.
+        # Goals have only known time.
         if self.context.says and not atom.key.is_goal:
             said, is_all = self._speak(atom, atom if holds else None)
             if is_all:
@@ -683,7 +683,7 @@ class PropositionLedger(InternedLedger[GroundAtom, GroundAtom]):
 
 
 class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
-    """The values of functions that a transaction sets and unsets."""
+    """The changed values of functions in a transaction."""
 
     versions = VALUE_VERSIONS
     said_in = VALUE_SAYINGS
@@ -693,12 +693,12 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
     new_version = whole_rows(VALUE_VERSIONS.table)
 
     def value(self, fluent: GroundFluent) -> FluentValue | None:
-        """Return the value of a fluent, as changed so far."""
+        """Return the value of a fluent, with changes so far."""
         held = self.value_of(fluent)
         return None if held is None else held.value
 
     def set(self, fluent: GroundFluent, value: FluentValue | None) -> bool:
-        """Set a value, or unset it with None; return whether that is a change."""
+        """Set a value, or unset it with None; return whether it changed."""
         said = False
         if self.context.says:
             said, is_all = self._speak(fluent, None if value is None else HeldValue(fluent, value))
@@ -708,12 +708,12 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
         if now is None if value is None else value.is_same(now):
             return said
         first = self._before[fluent.id]
-        # Setting the original value restores its spelling, too.
+        # Setting the original value also restores its spelling.
         same = value is not None and first is not None and value.is_same(first.value)
         return self.spell(fluent, first.value if same and first is not None else value) or said
 
     def spell(self, fluent: GroundFluent, value: FluentValue | None) -> bool:
-        """Set a value in just this spelling: 10.0 instead of 10."""
+        """Set a value in exactly this spelling: 10.0 instead of 10."""
         if self.value(fluent) == value:
             return False
         self.put(fluent.id, None if value is None else HeldValue(fluent, value))
@@ -725,7 +725,7 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
         old: Collection[FluentKey] | None = None,
     ) -> int:
         """Set values, with statements only for each function; count the changes."""
-        # `old` are the fluents that may be known already; by default, all of them.
+        # `old` are the fluents that may already be known; by default, all of them.
         found = self.find({key for key, _, _ in values} if old is None else old)
         self.load(found.values())
         if self.sayings is not None:
@@ -777,7 +777,7 @@ class FunctionValueLedger(InternedLedger[GroundFluent, HeldValue]):
         own = value.value if isinstance(value, HeldValue) else value
         before = sayings.last(id_)[1]
         if before is not None and own.is_same(FluentValue(before)):
-            # What was said last is found to be the same, however it is spelled.
+            # The last saying is equal, in any spelling.
             spelled = sayings.period.text(value_text(text, before), True)
             own = own if spelled != sayings.last(id_)[0] else FluentValue(before)
         columns = (key.function_id, *_value_columns(own))
@@ -824,20 +824,20 @@ def _value_columns(value: FluentValue) -> tuple[str | None, float | None, int | 
 
 
 class ExecutionLedger(Ledger[Key, OutcomeDefinition]):
-    """The outcomes of executions that a transaction sets, and executions without a plan."""
+    """The new outcomes of executions, and executions without a plan, in a transaction."""
 
     versions = STATEMENTS
 
     def __init__(self, context: WriteContext) -> None:
         self._before: dict[Key, OutcomeDefinition | None] = {}
-        # The revision that recorded each, and without their arguments those that were found.
+        # The revision that recorded each, and found executions without their arguments.
         self._known: dict[Key, tuple[int, ExecutionDefinition]] = {}
         self._new: dict[Key, ExecutionDefinition] = {}
         super().__init__(context, self._before.get)
         context.journal.track(self._before, self._known, self._new)
 
     def find(self, key: Key) -> str | None:
-        """Find an execution, and read its outcome; give its text."""
+        """Find an execution and read its outcome; return its text."""
         new = self._new.get(key)
         if new is not None:
             return new.text
@@ -864,7 +864,7 @@ class ExecutionLedger(Ledger[Key, OutcomeDefinition]):
         return key
 
     def set(self, key: Key, outcome: str, *said: Any) -> None:
-        """Set the outcome of an execution that was found or recorded."""
+        """Set the outcome of a found or recorded execution."""
         new = self._new.get(key)
         recorded, execution = self._known[key] if new is None else (self.context.number, new)
         self._put(key, execution, recorded, outcome, said)
@@ -885,7 +885,7 @@ class ExecutionLedger(Ledger[Key, OutcomeDefinition]):
             session.insert(
                 NEW_ARGUMENT, [row for each in new.items() for row in argument_rows(kb, *each)]
             )
-            # They are written: what is known of them stays.
+            # They are written, but stay known.
             self._known |= {key: (number, each) for key, each in new.items()}
             new.clear()
 
@@ -909,7 +909,7 @@ class ExecutionLedger(Ledger[Key, OutcomeDefinition]):
 
 
 class Records(PendingChanges):
-    """The plans, confirmations and archives that a transaction records: rows are only added."""
+    """The plans, confirmations and archives of a transaction: rows are only added."""
 
     def __init__(self, context: WriteContext) -> None:
         self._context = context
@@ -918,7 +918,7 @@ class Records(PendingChanges):
         context.journal.track(self._lines, self.pending)
 
     def add(self, change: Change, rows: Iterable[tuple[Insert, Row]]) -> bool:
-        """Add a record: its change line, and its rows, parents first; False if it is there."""
+        """Add a record: its change line, and its rows, parents first; False if it exists."""
         if change in self._lines:
             return False
         assign = self._context.journal.assign
@@ -927,11 +927,11 @@ class Records(PendingChanges):
         return True
 
     def lines(self) -> list[Change]:
-        """Return what the transaction has recorded so far."""
+        """Return the records so far."""
         return [*self._lines]
 
     def write(self) -> None:
-        """Write what is pending."""
+        """Write pending changes."""
         tables: dict[Insert, list[Row]] = {}
         for rows in self.pending.values():
             for into, row in rows:

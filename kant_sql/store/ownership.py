@@ -1,8 +1,8 @@
-"""Whose transaction is open: a transaction belongs to one thread, one task and one context.
+"""The ownership of transactions: each belongs to one thread, one task and one context.
 
-`asyncio.create_task`, `loop.call_soon` and `asyncio.to_thread` copy the context that they are
-called in, so with a context variable alone a new task could join the block of its creator.
-So each block knows where it was opened, and can be joined only from there.
+`asyncio.create_task`, `loop.call_soon` and `asyncio.to_thread` copy the caller's context, so with a
+context variable alone a new task could join the block of its creator. So each block knows where it
+was opened, and only that place can join it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Block:
-    """A transaction that is open, and where it was opened; None in its place when it has ended."""
+    """An open transaction, and where it was opened; None replaces it when it has ended."""
 
     def __init__(self, store: object, queue: Hashable, transaction: Transaction) -> None:
         """Open it."""
@@ -39,9 +39,10 @@ class Block:
         _QUEUES[self._thread, queue] = self
 
     def close(self) -> None:
-        """End it, wherever this is called."""
+        """End it, from anywhere."""
         place, self._place = self._place, None
-        # A task that outlives the block keeps a copy of the context: it must not keep more alive.
+        # A task that outlives the block keeps a copy of the context, which must not keep more
+        # alive.
         self.store = self.transaction = self._task = None
         if place is not None and _QUEUES.get(place) is self:
             del _QUEUES[place]
@@ -49,12 +50,12 @@ class Block:
         OPEN.set(tuple([block for block in OPEN.get() if block is not self]))
 
     def is_mine(self) -> bool:
-        """Return whether it was opened in this thread, in this task and in this very context."""
+        """Return whether it was opened in exactly this thread, task and context."""
         if self._thread != threading.get_ident() or self._task is not _task():
             return False
         seen = OPEN.get()
         try:
-            # A token is of one context: a copy of that context refuses it.
+            # A token belongs to one context: a copy of that context refuses it.
             OPEN.reset(self._token)
         except ValueError:
             return False
@@ -62,19 +63,19 @@ class Block:
         return True
 
     def refuse(self, what: str) -> TransactionOpenError:
-        """Make the error for who would have to wait for this block in its own thread."""
+        """Make the error for a caller that would wait for this block in its own thread."""
         who = "no actor" if self._actor is None else f"actor {self._actor!r}"
         task: asyncio.Task[Any] | None = self._task
         where = "outside of any task" if task is None else f"in task {task.get_name()!r}"
         return TransactionOpenError(
             f"knowledge base {self._name!r} has a transaction of {who} open in this thread, "
             f"{where}, which only its own task and context may use: {what} would block the thread "
-            "for ever; end that block first, use kant_sql.aio, or go to another thread"
+            "forever; end that block first, use kant_sql.aio, or go to another thread"
         )
 
 
 class LoopBlock:
-    """A transaction in a thread of its own whose end its event loop has to ask for.
+    """A transaction in its own thread, which only its event loop can end.
 
     So a writer in the loop's thread would wait for itself.
     """
@@ -87,7 +88,7 @@ class LoopBlock:
         _LOOPS.setdefault(self._place, []).append(self)
 
     def close(self) -> None:
-        """Forget it: its end was asked for."""
+        """Forget it: its loop has ended it."""
         ahead = _LOOPS.get(self._place, [])
         if self in ahead:
             ahead.remove(self)
@@ -95,11 +96,11 @@ class LoopBlock:
             _LOOPS.pop(self._place, None)
 
     def is_mine(self) -> bool:
-        """Return False: what is called in the loop's own thread is never in it."""
+        """Return False: calls in the loop's own thread are never in it."""
         return False
 
     def refuse(self, what: str) -> TransactionOpenError:
-        """Make the error for who would have to wait for it in the thread of its loop."""
+        """Make the error for a caller that would wait for it in the thread of its loop."""
         where = "" if self._task is None else f" by task {self._task.get_name()!r}"
         return TransactionOpenError(
             f"knowledge base {self._label()} has a transaction of kant_sql.aio open{where} in the "
@@ -109,9 +110,9 @@ class LoopBlock:
 
 
 OPEN: ContextVar[tuple[Block, ...]] = ContextVar("kant_sql_open", default=())
-# Which block holds a queue of writers, by thread.
+# The blocks that hold queues of writers, by thread.
 _QUEUES: dict[tuple[int, Hashable], Block] = {}
-# Which transactions of event loops hold it, by the loop's thread.
+# The transactions of event loops that hold them, by the loop's thread.
 _LOOPS: dict[tuple[int, Hashable], list[LoopBlock]] = {}
 
 if hasattr(os, "register_at_fork"):
@@ -129,7 +130,7 @@ def _task() -> asyncio.Task[Any] | None:
 
 def own_block(store: object) -> Block | None:
     """Find the block that this thread, task and context has open."""
-    # The newest first: before it there may be one that this process was forked in.
+    # The newest first: an older one may be from before a fork.
     for block in reversed(OPEN.get()):
         if block.store is store and block.is_mine():
             return block
@@ -137,7 +138,7 @@ def own_block(store: object) -> Block | None:
 
 
 def block_ahead(queue: Hashable) -> Block | LoopBlock | None:
-    """Find the block that a writer of this thread would keep from ending by waiting for it."""
+    """Find the block that cannot end while a writer of this thread waits for it."""
     place = threading.get_ident(), queue
     found = _QUEUES.get(place)
     if found is None and place in _LOOPS:
@@ -146,6 +147,6 @@ def block_ahead(queue: Hashable) -> Block | LoopBlock | None:
 
 
 def blocks_of_thread() -> list[Block]:
-    """Find all blocks that this thread has open, whichever task has opened them."""
+    """Find all open blocks of this thread, of any task."""
     here = threading.get_ident()
     return [block for (thread, _), block in list(_QUEUES.items()) if thread == here]

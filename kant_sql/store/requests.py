@@ -1,4 +1,4 @@
-"""Requests that a client may repeat: what was written once is found by the client's key."""
+"""Repeatable requests: a written one is found by the client's key."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ _FORGET = Query(delete(RequestRow).where(RequestRow.kb_id == KB, RequestRow.numb
 
 
 class WrittenRequest(NamedTuple):
-    """A request that was written, by which its answer is written again."""
+    """A written request, from which its answer is made again."""
 
     number: int  # the revision that it made
-    digest: str  # of the request
-    results: list[Any]  # what its changes returned
+    digest: str  # the digest of the request
+    results: list[Any]  # the results of its changes
 
 
 def find_request(transaction: Transaction, key: str) -> WrittenRequest | None:
-    """Find a request that was written, under the lock of the head."""
+    """Find a written request, under the lock of the head."""
     row = transaction.session.first(_FIND, kb=transaction.kb_id, key=key)
     return None if row is None else WrittenRequest(row[0], row[1], json.loads(row[2]))
 
@@ -50,7 +50,7 @@ def keep_request(transaction: Transaction, key: str, digest: str, results: Seque
 
 
 def forget_requests(store: Store, age: timedelta) -> None:
-    """Remove the requests whose revisions are older than that; this makes no revision."""
+    """Remove the requests of older revisions; this makes no revision."""
 
     def work(session: Session) -> None:
         before = session.from_time(datetime.now(UTC) - age)

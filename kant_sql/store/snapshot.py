@@ -1,4 +1,4 @@
-"""A consistent state to read from, and the definitions that are cached with it."""
+"""A consistent state to read, with its cached definitions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .head import check_numbers
 LAST_ERASURE = select(func.max(ErasureRow.since)).where(ErasureRow.kb_id == KB).scalar_subquery()
 _NUMBERS = "revision", "archived_revision", "definition_revision"
 _HEAD = table_of(HeadRow).c
-# What `make_position` reads.
+# The columns for `make_position`.
 POSITION = select(*(_HEAD[name] for name in _NUMBERS), LAST_ERASURE).where(_HEAD.kb_id == KB)
 _POSITION = Query(POSITION)
 _ARCHIVE = Query(
@@ -32,7 +32,7 @@ _ARCHIVE = Query(
 
 
 class HeadPosition(NamedTuple):
-    """Where a knowledge base stands, read without its lock."""
+    """The head, read without its lock."""
 
     kb_id: int | None = None  # None before the first write
     head: int = 0  # the last revision; 0 before the first
@@ -42,7 +42,7 @@ class HeadPosition(NamedTuple):
 
 
 def read_position(session: Session, kb_id: int | None) -> HeadPosition:
-    """Read where a knowledge base stands, in one statement."""
+    """Read the head, in one statement."""
     if kb_id is None:
         return HeadPosition()
     row = session.first(_POSITION, kb=kb_id)
@@ -59,23 +59,23 @@ def make_position(session: Session, kb_id: int, row: Row) -> HeadPosition:
 
 
 class View(NamedTuple):
-    """A consistent state to read from: now, or as it was at a revision."""
+    """A consistent state to read: the present, or that at a revision."""
 
     session: Session
-    kb_id: int | None  # the knowledge base; None when it has not been written to yet
+    kb_id: int | None  # the knowledge base; None before its first write
     definitions: Definitions
     at: int | None = None  # the revision; None for now
-    # The revision that last changed a definition, where it still has to be compared with the head
-    # in the statement that reads; else None.
+    # The last change of a definition, if the reading statement still has to compare it with the
+    # head; else None.
     definition_revision: int | None = None
 
     @property
     def reader(self) -> Reader:
-        """Return what runs the statements of conditions on this state."""
+        """Return a runner of the statements of conditions on this state."""
         return Reader(self.session, self.kb_id, self.at)
 
     def rows(self, queries: Mapping[bool, Query]) -> list[Row]:
-        """Run a query of the present or that of the past; nothing is found before a first write."""
+        """Run the query of the present or of the past; before the first write, find nothing."""
         if self.kb_id is None:
             return []
         past = {} if self.at is None else then(self.session, self.at)
@@ -83,7 +83,7 @@ class View(NamedTuple):
 
 
 class DefinitionsMovedError(Exception):
-    """A statement found that definitions have changed since they were cached."""
+    """Definitions have changed since they were cached."""
 
 
 def open_view(
@@ -93,7 +93,7 @@ def open_view(
     at: int | None,
     oldest: int | None = None,
 ) -> View:
-    """Open a state to read from; the `oldest` that will be read is another at a valid time."""
+    """Open a state to read; at a valid time, the `oldest` revision read is another one."""
     if kb_id is None:
         return View(session, None, Definitions(), at)
     if at is None and cache.snapshot is None:
@@ -109,10 +109,10 @@ def open_view(
 
 
 def refuse_archived(session: Session, kb_id: int, at: int, archived: int) -> None:
-    """Refuse to read a state of which a part was moved elsewhere."""
+    """Refuse to read a state that is partly in an archive."""
     if session.overlay is not None:
         at = session.overlay.oldest
-    # Before the first revision there was nothing that could have been moved.
+    # Before the first revision there was nothing to move.
     if 0 < at < archived:
         raise ArchivedError(
             f"a part of the state at revision {at} was moved to an archive: ask the one in "
@@ -121,7 +121,7 @@ def refuse_archived(session: Session, kb_id: int, at: int, archived: int) -> Non
 
 
 def archive_of(session: Session, kb_id: int, at: int) -> str:
-    """Return where the archive is that has a part of a state."""
+    """Return the location of the archive that has a part of a state."""
     row = session.first(_ARCHIVE, kb=kb_id, at=at)
     if row is None:
         raise StoreIntegrityError(
@@ -133,12 +133,12 @@ def archive_of(session: Session, kb_id: int, at: int) -> str:
 
 
 def read_revision(view: View) -> int:
-    """Read which revision a state is of."""
+    """Read the revision of a state."""
     return read_position(view.session, view.kb_id).head if view.at is None else view.at
 
 
 def vanished(session: Session) -> StoreIntegrityError:
-    """Make the error for a knowledge base that was there, and is gone."""
+    """Make the error for a knowledge base that has disappeared."""
     return StoreIntegrityError(
         f"{session.backend.label}: the head of the knowledge base is gone; the database was "
         "replaced while it was open, connect again"

@@ -1,7 +1,7 @@
-"""One knowledge base as the threads of a process share it: reads, transactions, lost commits.
+"""One knowledge base, shared by the threads of a process: reads, transactions, lost commits.
 
-What may be cached is kept here: identities, which never change, and definitions with the
-revision that last changed one.
+It holds the caches: identities, which never change, and definitions with the revision that last
+changed one.
 """
 
 from __future__ import annotations
@@ -51,25 +51,25 @@ logger = logging.getLogger("kant_sql.store")
 
 _CLOCK = Query(select(StoreClock()))
 
-# How far behind the last revision the store's clock may be without a word, and how often a warning
-# of it is repeated, in seconds.
+# In seconds: how far the store's clock may be behind the last revision without a warning, and the
+# interval of warnings.
 CLOCK_BEHIND = timedelta(minutes=1)
 CLOCK_PATIENCE = 3600.0
 
 
 def end_session(session: Session) -> None:
-    """Roll back what is open, and give the connection back."""
+    """Roll back an open transaction, and return the connection."""
     try:
         session.rollback()
     except ConnectionLostError:
-        # The server rolls it back; an error before it must not be hidden.
+        # The server rolls it back; do not hide an earlier error.
         pass
     finally:
         session.close()
 
 
 def close_backend(backend: Backend) -> None:
-    """Close all connections; what this thread has open on them is rolled back at once."""
+    """Close all connections; roll back this thread's open transactions at once."""
     backend.is_closed = True
     _roll_back(
         block
@@ -98,7 +98,7 @@ class Store:
         *,
         is_one_of_many: bool = False,
     ) -> None:
-        # What revisions say that are made without a block.
+        # The metadata of revisions without a block.
         self._metadata = make_metadata(actor, None, None)
         if not isinstance(name, str) or not name or len(name) > 255 or not name.isprintable():
             raise InvalidMetadataError(
@@ -106,24 +106,23 @@ class Store:
             )
         self.backend = backend
         self.name = name
-        self.actor = actor  # who writes, when a transaction does not say
-        # Whether others share the backend, which this one then does not close, and which was
-        # checked before.
+        self.actor = actor  # the actor of transactions that name none
+        # Whether others share the backend: then it was checked before, and this store does not
+        # close it.
         self.is_one_of_many = is_one_of_many
-        # Whether a transaction speaks of the time from its commit on, or of that from `observed_at`
-        # on.
+        # Whether a transaction is valid from its commit on, or from `observed_at` on.
         self.write_clock = one_of(clock, (COMMITTED, OBSERVED), "the clock")
-        # What a question keeps for its next call, by the class of that.
+        # Data that questions keep for their next call, by class.
         self.remembered: dict[type, Any] = {}
         self._is_closed = False
         self._kb_id: int | None = None
         self._definitions = DefinitionCache()
         self._forget_identities()
-        # The archived revision, and how often texts were forgotten, when identities were cached.
+        # The archived revision and the count of erasures at the time of caching identities.
         self._known_of = 0, 0
         self._last: Committed | None = None
         self._clock_warned_at: float | None = None
-        self.queue = backend.queue(name)  # what its writers wait in: equal values are one queue
+        self.queue = backend.queue(name)  # the queue of its writers: equal values are one queue
         backend.sharers.add(self)
         if not is_one_of_many:
             ensure_schema(backend)
@@ -142,12 +141,12 @@ class Store:
         return self._is_closed or self.backend.is_closed
 
     def refuse_closed(self) -> None:
-        """Raise when it is closed."""
+        """Raise if it is closed."""
         if self.is_closed:
             raise self.backend.closed_error()
 
     def refuse_open(self, why: str = "") -> None:
-        """Raise when this thread, task and context has a transaction open."""
+        """Raise if this thread, task and context has a transaction open."""
         if self.current() is not None:
             raise ReadOnlyError(
                 f"knowledge base {self.name!r} has a transaction open in this task or thread{why}; "
@@ -155,7 +154,7 @@ class Store:
             )
 
     def described(self, at: int) -> str:
-        """Name a past state of it."""
+        """Return the name of a past state, for messages."""
         return f"revision {at}"
 
     def _forget_identities(self) -> None:
@@ -174,7 +173,7 @@ class Store:
         return transaction
 
     def _take_session(self) -> Session:
-        """Take a connection to read what is committed."""
+        """Take a connection to read committed data."""
         if self._is_closed:
             self.refuse_closed()
         if self.backend.has_one_connection:
@@ -214,7 +213,7 @@ class Store:
         )
 
     def read_definitions(self, work: Callable[[Definitions], T], at: int | None = None) -> T:
-        """Read definitions alone."""
+        """Read only definitions."""
         transaction = self.current()
         if transaction is not None and at is None:
             return work(transaction.definitions)
@@ -226,7 +225,7 @@ class Store:
         return self.read_in_snapshot(lambda view: work(view.definitions), at)
 
     def check_definitions(self, work: Callable[[Definitions], T], at: int | None = None) -> T:
-        """Check something against the definitions, without a statement unless the check fails."""
+        """Run a check against the definitions; it takes a statement only if it fails."""
         transaction = self.current()
         if transaction is None or at is not None:
             known = self._definitions.known(at)
@@ -242,28 +241,28 @@ class Store:
         if self._kb_id is None:
             found = find_knowledge_base(session, self.name)
             if found is None or self.current() is not None:
-                # A knowledge base that an open transaction created may be rolled back.
+                # An open transaction that created the knowledge base may be rolled back.
                 return found
             self._kb_id = found
         return self._kb_id
 
     def query_in_snapshot(self, work: Callable[[Session, int | None], T]) -> T:
-        """Query what is committed, in a read transaction: one consistent state."""
+        """Query committed data in a read transaction: one consistent state."""
         return self._apart(lambda session: work(session, self._find(session)))
 
     def query(self, work: Callable[[Session, int | None], T]) -> T:
-        """Query what is committed, without a transaction: each statement sees its own state."""
+        """Query committed data without a transaction: each statement sees its own state."""
         return self._outside(lambda session: work(session, self._find(session)))
 
     def query_known(
         self, work: Callable[[Session, int], T], unknown: T, in_snapshot: bool = True
     ) -> T:
-        """Query what is committed as the others do; `unknown` before the first write."""
+        """Query committed data like the others; `unknown` before the first write."""
         query = self.query_in_snapshot if in_snapshot else self.query
         return query(lambda session, kb_id: unknown if kb_id is None else work(session, kb_id))
 
     def query_once(self, work: Callable[[Session, int | None], T]) -> T:
-        """Query what is committed with one statement, without retries."""
+        """Query committed data with one statement, without retries."""
         session = self._take_session()
         try:
             return work(session, self._find(session))
@@ -271,7 +270,7 @@ class Store:
             end_session(session)
 
     def _apart(self, work: Callable[[Session], T]) -> T:
-        """Read in a transaction of its own, which sees one state and never waits for a writer."""
+        """Read in a separate transaction, which sees one state and never waits for a writer."""
 
         def begun(session: Session) -> T:
             session.begin(write=False)
@@ -282,7 +281,7 @@ class Store:
     def _outside(
         self, work: Callable[[Session], T], take: Callable[[], Session] | None = None
     ) -> T:
-        """Use a session outside the thread's transaction: one to read, or what `take` returns."""
+        """Use a session outside the thread's transaction: for reading, or from `take`."""
 
         def once() -> T:
             session = self._take_session() if take is None else take()
@@ -313,8 +312,8 @@ class Store:
         return retrying(self.backend, once)
 
     def write_beside(self, work: Callable[[Session], object]) -> None:
-        """Write what is not part of the history, in a transaction of its own without a revision."""
-        # As for all writes, no limit of questions concerns it.
+        """Write data outside of the history, in a separate transaction without a revision."""
+        # Like all writes, it ignores the limits of questions.
 
         def begun(session: Session) -> None:
             session.begin(write=True)
@@ -340,7 +339,7 @@ class Store:
         given: Given = FROM_NOW_ON,
     ) -> AbstractContextManager[Transaction]:
         """Open a transaction; within another of this thread, task and context, join that one."""
-        # Only one that promotes may write to a replica. `given` is the period that it speaks of.
+        # Only a promotion may write to a replica. `given` is the valid period.
         if expected_revision is not None:
             whole_number(expected_revision, "expected_revision")
         who = actor if actor is not None else self.actor
@@ -363,8 +362,8 @@ class Store:
 
     def close(self) -> None:
         """Close it, and its connections unless others share them."""
-        # What this thread has open is rolled back at once.
-        # A block of another thread is rolled back when it ends, and its further calls are refused.
+        # This thread's open transaction is rolled back at once.
+        # A block of another thread is rolled back at its end, and its further calls are refused.
         self._is_closed = True
         if self.is_one_of_many:
             _roll_back(block for block in blocks_of_thread() if block.store is self)
@@ -372,7 +371,7 @@ class Store:
             close_backend(self.backend)
 
     def refuse_read_only(self) -> None:
-        """Raise when the store was opened for reading only."""
+        """Raise if the store is open read-only."""
         if self.backend.is_read_only:
             raise ReadOnlyError(
                 f"{self.backend.label}: knowledge base {self.name!r} was opened with "
@@ -380,7 +379,7 @@ class Store:
             )
 
     def queue_up(self) -> WriterLock | None:
-        """Take this process's turn to write, where its writers queue on a lock."""
+        """Wait for this process's turn to write, if its writers queue on a lock."""
         if self._is_closed:
             self.refuse_closed()
         if self.backend.is_read_only:
@@ -432,7 +431,7 @@ class Store:
             )
             state = head.archived_revision, self._definitions.forgotten
             if state != self._known_of:
-                # Some may have been moved, or their texts erased, since they were cached.
+                # Cached ones may have been archived, or their texts erased, since.
                 self._forget_identities()
                 self._known_of = state
             return Transaction(
@@ -454,7 +453,7 @@ class Store:
         )
 
     def _judge(self, head: Head, last: Committed | None) -> None:
-        """Refuse a store that lacks what was committed before; warn of a clock that is behind."""
+        """Refuse a store that lacks committed revisions; warn of a clock that is behind."""
         if last is not None and (
             head.revision < last.number or (head.revision == last.number and head.hash != last.hash)
         ):
@@ -493,7 +492,7 @@ class Store:
             )
 
     def commit(self, transaction: Transaction) -> None:
-        """Commit a transaction; look a commit up whose answer was lost."""
+        """Commit a transaction; after a lost answer, look the revision up."""
         if self.is_closed:
             self.refuse_closed()
         try:
@@ -514,7 +513,7 @@ class Store:
         if committed is not None:
             self._kb_id, self._last = transaction.kb_id, committed
             if transaction.erases:
-                # What others have read meanwhile may have the old texts, too.
+                # Concurrent readers may have cached the old texts.
                 self._definitions.forget()
                 return
             definitions = transaction.definitions.origin
@@ -529,7 +528,7 @@ class Store:
     def _log_revision(self, transaction: Transaction, made: Committed) -> None:
         took, said = transaction.age, transaction.metadata
         logger.debug(
-            # Text of others must not start a log line of its own.
+            # Text from outside must not begin a log line.
             "knowledge base %r: revision %d by %r because %r: %d changes, %.3f ms",
             self.name,
             made.number,
@@ -557,7 +556,7 @@ class Store:
             return hash_of(session, kb_id, made.number) == made.hash
 
         try:
-            # A question that was cancelled, or takes too long, is not asked here.
+            # The limits of questions do not apply here.
             return self._outside(check, self.backend.session)
         except StoreError as error:
             raise OutcomeUnknownError(

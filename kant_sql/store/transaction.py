@@ -1,8 +1,8 @@
 """The unit of work: one connection, many DAOs, one revision.
 
-A transaction keeps its changes in memory and writes them when it commits, or earlier when it reads
-what it may have changed or has collected many changes. What is asserted and retracted in one
-transaction leaves no trace. What a transaction does not touch costs nothing.
+A transaction keeps its changes in memory and writes them at the commit, or earlier if it reads
+possibly changed data or has collected many changes. An element asserted and retracted in one
+transaction leaves no trace. Untouched kinds cost nothing.
 """
 
 from __future__ import annotations
@@ -59,39 +59,39 @@ _NEW_CONFIRMATION = Insert(table_of(ConfirmationRow), "kb_id", "proposition_id",
 LAST_PLAN = Query(select(func.max(PlanRow.id)).where(PlanRow.kb_id == KB))
 
 _PROPOSITIONS, _VALUES, _RECORDS, _EXECUTIONS = "propositions", "values", "records", "executions"
-# The order of writing: each refers to those before it only.
+# The order of writing: each refers only to earlier ones.
 _SAYINGS = {_PROPOSITIONS: "sayings of facts", _VALUES: "sayings of values"}
 _ORDER = (*KINDS, _PROPOSITIONS, _VALUES, *_SAYINGS.values(), _RECORDS, _EXECUTIONS)
 
 
 @dataclass(eq=False, repr=False)
 class Transaction:
-    """What one writer changes in one revision. One thread uses it, between BEGIN and COMMIT."""
+    """The changes of one writer in one revision. One thread uses it, between BEGIN and COMMIT."""
 
     session: Session
     kb_id: int
     name: str
-    head: Head  # the head row as it was locked
-    metadata: Metadata  # what the writer says of the revision
-    definitions: PendingDefinitions  # the definitions, as changed so far
-    # The references by DTOs that were found to agree with what is stored.
+    head: Head  # the locked head row
+    metadata: Metadata  # the metadata of the revision
+    definitions: PendingDefinitions  # the definitions, with changes so far
+    # References by DTOs that agree with the store.
     agreements: Agreements
     _context: WriteContext
     _atoms: AtomCache
     _fluents: FluentCache
-    given: Given = FROM_NOW_ON  # where the period that it speaks of begins and ends, as given
-    number: int = field(init=False)  # the revision that it makes
+    given: Given = FROM_NOW_ON  # the given beginning and end of its valid period
+    number: int = field(init=False)  # the number of its revision
     # The revision, from just before COMMIT is sent.
     committed: Committed | None = field(default=None, init=False)
     redefined: bool = field(default=False, init=False)  # whether the revision changes a definition
-    # Within a batch, the types that agree with what is stored, by address.
+    # Within a batch, types that agree with the store, by address.
     agreed_types: dict[int, object] | None = field(default=None, init=False)
-    changed: int = field(default=0, init=False)  # how many changes the revision has
-    # Whether to save a fact that holds already is to confirm it.
+    changed: int = field(default=0, init=False)  # the number of changes
+    # Whether saving a fact that already holds confirms it.
     confirms: bool = field(default=False, init=False)
-    # Whether it changes texts of earlier revisions, so that nothing cached is right.
+    # Whether it changes texts of earlier revisions: then no cache is valid.
     erases: bool = field(default=False, init=False)
-    # The key, the digest and the results of the request that makes it, if it may be repeated.
+    # The key, the digest and the results of its request, if that may be repeated.
     request: tuple[str, str, str] | None = field(default=None, init=False)
     _started: float = field(init=False)
     # The ledgers of the kinds touched so far.
@@ -103,14 +103,14 @@ class Transaction:
 
     @cached_property
     def propositions(self) -> PropositionLedger:
-        """The propositions that it changes."""
+        """The changed propositions."""
         made = PropositionLedger(self._context, self._atoms)
         self._track(_PROPOSITIONS, made)
         return made
 
     @cached_property
     def values(self) -> FunctionValueLedger:
-        """The values of functions that it changes."""
+        """The changed values of functions."""
         made = FunctionValueLedger(self._context, self._fluents)
         self._track(_VALUES, made)
         return made
@@ -127,13 +127,13 @@ class Transaction:
 
     @cached_property
     def records(self) -> Records:
-        """The plans, confirmations and archives that it records."""
+        """The recorded plans, confirmations and archives."""
         made = self._ledgers[_RECORDS] = Records(self._context)
         return made
 
     @cached_property
     def executions(self) -> ExecutionLedger:
-        """The outcomes of executions that it sets."""
+        """The new outcomes of executions."""
         made = self._ledgers[_EXECUTIONS] = ExecutionLedger(self._context)
         return made
 
@@ -148,7 +148,7 @@ class Transaction:
         return ledger
 
     def _forget_shape(self) -> None:
-        """Forget what was concluded from definitions that are about to be others."""
+        """Clear results that depend on definitions about to change."""
         self.definitions.reshape()
         self.agreements.clear()
 
@@ -166,12 +166,12 @@ class Transaction:
 
     @property
     def made(self) -> int | None:
-        """The revision that it has made; None if it has changed nothing, or has not ended."""
+        """Its revision; None if it has changed nothing, or has not ended."""
         return None if self.committed is None else self.committed.number
 
     @property
     def is_stateless(self) -> bool:
-        """Whether it has met no proposition and no fluent so far."""
+        """Whether it has used no proposition and no fluent so far."""
         return all(
             ledger.is_untouched
             for ledger in self._ledgers.values()
@@ -183,7 +183,7 @@ class Transaction:
         return self._context.allocate(1)[0]
 
     def number_plan(self) -> int:
-        """Return the number of the next plan: 1, 2, 3 ..., apart from the ids of elements."""
+        """Return the number of the next plan: 1, 2, 3 ..., independent of the ids of elements."""
         (last,) = self.session.first(LAST_PLAN, kb=self.kb_id) or (None,)
         number = 1 + (last or 0) + sum(change.kind == PLAN for change in self.records.pending)
         # Verification expects no id beyond the head's.
@@ -191,15 +191,15 @@ class Transaction:
         return number
 
     def look_up(self, kind: str, names: Iterable[str]) -> None:
-        """Find the identities of names that are not live, in one statement."""
+        """Find the identities of names without a live element, in one statement."""
         self._ledger(kind).look_up(names)
 
     def intern(self, kind: str, name: str) -> tuple[int, str]:
-        """Find the identity of a name that is not live, or make it."""
+        """Find or make the identity of a name without a live element."""
         return self._ledger(kind).intern(name)
 
     def define(self, kind: str, definition: Definition) -> bool:
-        """Set what an element is; return whether that is a change."""
+        """Set the definition of an element; return whether it changed."""
         before = self.definitions.elements(kind).get(definition.id)
         if before == definition:
             return False
@@ -213,12 +213,12 @@ class Transaction:
         return True
 
     def redefine(self, kind: str, definition: Definition) -> None:
-        """Set what an element is whose name this process may never have met."""
+        """Set the definition of an element whose name this process may not know."""
         if self.define(kind, definition):
             self._ledger(kind).know(definition)
 
     def adopt(self, kind: str, definition: Definition) -> None:
-        """Define an element of another knowledge base, under its id, where nothing is known."""
+        """Define an element of another knowledge base, under its id, in an empty knowledge base."""
         if kind == "type":
             self.definitions.reshape(definition.id)
         else:
@@ -232,7 +232,7 @@ class Transaction:
 
     @contextmanager
     def batch(self) -> Iterator[None]:
-        """Check each type that the elements of a batch refer to once; no other call intervenes."""
+        """Check each type in a batch of elements once; no other call may intervene."""
         self.agreed_types = {}
         try:
             yield
@@ -241,12 +241,12 @@ class Transaction:
 
     @property
     def says(self) -> bool:
-        """Whether it speaks of a period."""
+        """Whether it has a valid period."""
         return self._context.says
 
     @contextmanager
     def of_now(self) -> Iterator[None]:
-        """Change what holds from now on, whatever the transaction speaks of."""
+        """Change the state from now on, whatever the period of the transaction."""
         before, self._context.says = self._context.says, False
         try:
             yield
@@ -254,14 +254,14 @@ class Transaction:
             self._context.says = before
 
     def say_all(self, period: Period, kind: str, said: Mapping[Any, tuple[str, Any]]) -> None:
-        """Say what facts or values were in a period, one of several of the revision."""
+        """Add sayings about one of several periods of the revision."""
         is_fact = kind == FACT
         ledger = self.propositions if is_fact else self.values
         ledger.say_all(period, said)
         self._track(_PROPOSITIONS if is_fact else _VALUES, ledger)
 
     def refuse_period(self, what: str, remedy: str, *, unless_open: bool = False) -> None:
-        """Refuse what cannot be said of a period; with `unless_open`, of one that is over."""
+        """Refuse a call that has no meaning in a period; with `unless_open`, in a past period."""
         period = self._context.period
         if self.says and period is not None and not (unless_open and period.is_open):
             begin, end = map(time_text, period[:2])
@@ -271,23 +271,23 @@ class Transaction:
             )
 
     def scope(self) -> JournalScope:
-        """Open a scope: what happens within it happens whole or not at all."""
+        """Open a scope, which is atomic."""
         return self._context.journal.scope()
 
     @contextmanager
     def joined(self) -> Iterator[Transaction]:
-        """Open a scope of what joins it."""
+        """Open a scope for a nested block."""
         with self.scope():
             yield self
 
     def find_execution(self, key: Key) -> str | None:
-        """Find an execution; give its text."""
+        """Find an execution; return its text."""
         if _RECORDS in self._ledgers and self.records.pending:
             self.flush()
         return self.executions.find(key)
 
     def confirm(self, atoms: Iterable[GroundAtom]) -> int:
-        """Confirm facts that held before it, each once; return how many were."""
+        """Confirm facts that held before it, each once; return the number."""
         self.refuse_period("a confirmation", "confirm facts in another transaction")
         kb, number, add = self.kb_id, self.number, self.records.add
         return sum(
@@ -298,7 +298,7 @@ class Transaction:
     def record(
         self, kind: str, table: Table, write: Callable[..., str], id_: int, *values: Any
     ) -> None:
-        """Record something: its row has an id, the revision, the values, and the text of these."""
+        """Add a record: its row has an id, the revision, the values, and their text."""
         text = write(id_, *values)
         row = (self.kb_id, id_, self.number, *values, text)
         self.records.add(Change(ASSERTED, kind, text), [(whole_rows(table), row)])
@@ -310,7 +310,7 @@ class Transaction:
             self.propositions.forget()
 
     def flush(self) -> None:
-        """Write what is pending, so that a query sees it."""
+        """Write pending changes, so that a query sees them."""
         pending = [ledger for ledger in self._touched() if ledger.pending] if self._ledgers else ()
         if pending:
             self._check_open()
@@ -336,8 +336,8 @@ class Transaction:
                 self._write(pending)
                 made = self._write_revision(changes)
         else:
-            # After the revision: that spares the database from keeping book of references whose
-            # target is yet to come.
+            # After the revision: otherwise the database would have to track references to a future
+            # row.
             made = self._write_revision(changes)
             self._write(pending)
         is_moved = self.redefined or self.erases
@@ -356,7 +356,7 @@ class Transaction:
         return made
 
     def check_rules(self) -> None:
-        """Refuse what a rule refuses; this costs statements where changes touch one."""
+        """Check the refusing rules; this takes statements only if changes touch one."""
         if self.definitions.origin.rules.is_blank and "rule" not in self._ledgers:
             return
         from .guard import TouchedRules
@@ -364,7 +364,7 @@ class Transaction:
         changes = {
             kind: [*ledger.differences()]
             for kind, ledger in self._ledgers.items()
-            # What is said of the past breaks no rule about the present.
+            # Sayings about the past break no rule about the present.
             if isinstance(ledger, Ledger) and not isinstance(ledger, SayingLedger)
         }
         touched = TouchedRules(self.definitions, None if self._was_spilled else changes)
@@ -373,7 +373,7 @@ class Transaction:
             touched.refuse(self.session, self.kb_id)
 
     def publish(self) -> None:
-        """Share what it has learned with later transactions, after it has ended well."""
+        """Share its caches with later transactions, after a successful end."""
         before = self.head.revision
         revision = self.made or before
         if _PROPOSITIONS in self._ledgers:
@@ -386,7 +386,7 @@ class Transaction:
             self._fluents.advance(before, revision)
 
     def _check_open(self) -> None:
-        """Refuse to write after an error with which the database has ended the transaction."""
+        """Refuse to write after an error that ended the transaction in the database."""
         if not (self.session.is_abandoned or self.session.in_transaction()):
             raise ConnectionLostError(
                 f"{self.session.backend.label}: an error has ended this transaction; nothing of "
@@ -394,7 +394,7 @@ class Transaction:
             )
 
     def _changes(self, touched: list[PendingChanges]) -> Iterable[Change]:
-        """Return the lines of the revision, sorted; false if there are none."""
+        """Return the sorted lines of the revision; false if there are none."""
         was_spilled = self._was_spilled
         lines: list[Change] = []
         for ledger in touched:
@@ -410,7 +410,7 @@ class Transaction:
         return lines
 
     def _stored_changes(self) -> Iterable[Change]:
-        """Return the changes as the tables say them, for they were too many to keep."""
+        """Return the changes from the tables, because they were too many to keep."""
         stream = self._counted(
             change
             for _, change in stream_changes(self.session, self.kb_id, self.number, self.number)
@@ -432,7 +432,7 @@ class Transaction:
         if head.committed_at is not None and committed_at < head.committed_at:
             committed_at = head.committed_at
         when = time_text(committed_at)
-        # 16 bytes, from which the salts of all its texts are derived.
+        # 16 bytes, from which all salts are derived.
         seed = os.urandom(SEED)
         said = when, self.metadata, changes, seed
         digest = revision_hash(head.hash, self.name, self.number, *said)

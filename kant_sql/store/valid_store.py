@@ -1,4 +1,4 @@
-"""One knowledge base as it was at a time, for reading only."""
+"""One knowledge base at a valid time, read-only."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from .store import Store
 
 T = TypeVar("T")
 
-# A first question asks for definitions, then for answers. Only a second is worth it to list what
-# was said of the time.
+# A first question reads definitions, then answers. Only from the second one on is it worthwhile to
+# list the sayings about the time.
 FIRST_USES = 1
 
 
 class ValidStore(Store):
-    """Reads what held at a time, as it is known at a revision, on the connections of a store."""
+    """Reads the state at a valid time, as known at a revision, on a store's connections."""
 
     def __init__(self, origin: Store, valid: ValidTime) -> None:
         vars(self).update(vars(origin))
         self.origin = origin
         self.valid = valid  # the time and the revision
-        # Definitions are others, also under the number of the same revision.
+        # Definitions differ from those of the same revision of the store.
         self._definitions = DefinitionCache()
         self._uses = 0  # since it is prepared
 
@@ -63,7 +63,7 @@ class ValidStore(Store):
         return super()._outside(overlaid, take)
 
     def _prepare(self, session: Session) -> None:
-        """Find what does not fit; share definitions of the revision unless some ended since."""
+        """Find misfits; share the definitions of the revision unless some ended since."""
         valid, known = self.valid, self.origin._definitions
         valid.kb_id = self._find(session)
         if valid.kb_id is not None:

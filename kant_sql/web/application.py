@@ -47,7 +47,7 @@ MOST_QUESTIONS = 8
 
 
 class Endpoint(Protocol):
-    """What a plugin answers to `POST` requests at its name, once they are admitted."""
+    """A plugin's answers to admitted `POST` requests at its name."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request."""
@@ -73,7 +73,7 @@ def create_app(
     Args:
         url: the database URL.
         bound: the address that the server is bound to.
-        hosts: further names under which it may be asked.
+        hosts: further host names that it answers to.
         token: what a reader has to know; None if everybody who reaches the server may read.
         tokens: the tokens of programs that write; None for a server that only reads.
         added: the pages of a plugin; every page links the first of each.
@@ -84,7 +84,7 @@ def create_app(
     Raises:
         KantSqlError: the store cannot be opened, as for `connect`.
     """
-    # First, for it creates a new file.
+    # First: it creates a new file.
     writing = None if tokens is None else OpenStore(url, read_only=False)
     store = OpenStore(url)
     plugged = [(name, ENDPOINTS.get(name)) for name in ENDPOINTS.names()]
@@ -113,7 +113,7 @@ def create_app(
         version=__version__,
         openapi_url="/api/openapi.json",
         default_response_class=VisibleJson,
-        # Also of wrong parameters, for which FastAPI would describe a document of its own.
+        # Also for wrong parameters, for which FastAPI would describe its own document.
         responses={"default": {"model": schema_of(Refusal), "description": "An error"}},
         docs_url=None,
         redoc_url=None,
@@ -199,7 +199,7 @@ def _error(
         document = {"error": message, "type": kind}
         if not details:
             return VisibleJson(document, status)
-        # Details may have any character, which this escapes.
+        # Details may have any characters, which this escapes.
         text = json.dumps({**document, "details": details})
         return Response(text, status, media_type="application/json")
     page = {"status": status, "phrase": HTTPStatus(status).phrase, "message": message}
@@ -249,7 +249,7 @@ def make_server(
         url: the database URL.
         host: the address to bind to.
         port: the port; 0 for a free one.
-        hosts: further names under which it may be asked.
+        hosts: further host names that it answers to.
         tokens: the tokens of programs that write; None for a server that only reads.
         added: the pages of a plugin.
 
@@ -261,7 +261,7 @@ def make_server(
     """
     token = token_for(host)
     if tokens is not None:
-        # A file that is not one of tokens is refused now.
+        # This refuses a file without tokens now.
         tokens.tokens()
     app = create_app(url, bound=host, hosts=hosts, token=token, tokens=tokens, added=added)
     config = uvicorn.Config(
@@ -278,10 +278,10 @@ def make_server(
 
 
 class _Server(uvicorn.Server):
-    """A server that does not wait for readers of live changes, nor for slow questions, to stop."""
+    """A server that stops without waiting for readers of live changes or slow questions."""
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """End streams and cancel questions before connections are awaited."""
+        """End streams and cancel questions before waiting for connections."""
         app = self.config.app
         assert isinstance(app, FastAPI)
         app.state.live.close()

@@ -1,7 +1,7 @@
-"""The drawing of causes: what a fact goes back to on the left, what it led to on the right.
+"""The drawing of causes: the origins of a fact on the left, its consequences on the right.
 
-Each column is one link further from the fact. A box says what was done, by whom, and what it made;
-a line goes from what made a literal to what used it.
+Each column is one link further from the fact. A box has an act, its actor and its effects; a line
+leads from the maker of a literal to its user.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .rendering import one_line
 
 # In pixels: a box and a line of its text, and the gaps beside and below a box.
 WIDTH, LINE, GAP, SPACE = 224, 16, 48, 12
-# How many characters fit into a box, and how many literals it has.
+# The characters and literals that fit into a box.
 FITTING, LITERALS = 31, 2
 _INK, _OTHER = "currentColor", "#68717a"
 # With a contrast of 3:1 with the light and the dark page.
@@ -35,18 +35,18 @@ class _Box:
     """A box of a column: a link, or the element itself."""
 
     link: CauseLink | None
-    # Its text, with the page that each line leads to.
+    # Its text, with the link of each line.
     lines: list[tuple[str, str]] = field(default_factory=list)
-    # The literals by which the next columns are joined to it: these are shown first.
+    # The literals that connect it to the next columns, which come first.
     shown: list[str] = field(default_factory=list)
-    # The boxes nearer to the element that it is joined to.
+    # The connected boxes nearer to the element.
     inner: list[_Box] = field(default_factory=list)
     x: int = 0
     y: float = 0.0
 
     @property
     def number(self) -> float:
-        """The number of its revision; of what has none, as rules derive it, one after all."""
+        """The number of its revision; for a derived fact, one after all."""
         revision = None if self.link is None else self.link.revision
         return float("inf") if revision is None else revision.number
 
@@ -61,13 +61,13 @@ class _Box:
         return self.y + self.height / 2
 
 
-# What made something, what used it, and the literals.
+# The maker, the user, and the literals.
 _Line = tuple[_Box, _Box, Sequence[str]]
 
 
 def draw_causes(origins: CauseLinks, consequences: CauseLinks, link: Link) -> str:
-    """Draw what an element goes back to and what it led to; nothing if there are no links."""
-    # `link` makes the address of a page of its path and its parameters; none if it is empty.
+    """Draw the origins and consequences of an element; nothing if there are no links."""
+    # `link` makes the address of a page from its path and parameters; an empty one is no link.
     fact = _Box(None, [("this", ""), (consequences.element, "")])
     columns = {0: [fact]}
     for side, found in ((-1, origins), (1, consequences)):
@@ -112,7 +112,7 @@ def _joined(columns: Mapping[int, Sequence[_Box]], column: int) -> Iterator[_Lin
 
 
 def _makers(text: str, among: Sequence[_Box], before: float) -> list[_Box]:
-    """Return what made a literal: the last one before a revision, or all if there is none."""
+    """Return the makers of a literal: the last one before a revision, or all if there is none."""
     found = [one for one in among if one.link is not None and text in one.link.made]
     earlier = [one for one in found if one.number < before]
     return [max(earlier, key=lambda one: one.number)] if earlier else found
@@ -144,7 +144,7 @@ def _place(columns: Mapping[int, list[_Box]]) -> int:
     height = max(heights.values()) + 2
     for number in sorted(columns, key=abs):
         y = (height - heights[number]) / 2
-        # Few lines cross where a box is beside the boxes that it is joined to.
+        # Few lines cross if a box is beside its connected boxes.
         for box in sorted(columns[number], key=_beside):
             box.x, box.y = (number - min(columns)) * (WIDTH + GAP) + 1, y
             y += box.height + SPACE
@@ -165,7 +165,7 @@ def _curve(line: _Line) -> str:
 
 
 def _drawn(box: _Box) -> str:
-    """Write a box; what does not fit into it is cut off."""
+    """Write a box; cut off text that does not fit."""
     colour = _INK if box.link is None else _COLOURS.get(box.link.kind, _OTHER)
     written = "".join(_text(17 + LINE * n, *line) for n, line in enumerate(box.lines))
     edge = f'y="0.5" height="{box.height - 1}" rx="3" fill="{colour}"'

@@ -41,7 +41,7 @@ async def read_dao(
     ] = "",
     kb_name: KbName = None,
 ) -> Response:
-    """Call a method of a DAO that reads, or give the last revision and the actor of the token."""
+    """Call a reading method of a DAO, or return the last revision and the actor of the token."""
     # Who may write begins a knowledge base: until then it is empty.
     store: OpenStore = request.app.state.writing or request.app.state.store
     token: Token | None = request.scope.get("token")
@@ -79,7 +79,7 @@ def _parsed(text: str) -> Any:
 
 @post("/dao", "write")
 def dao(kb: KnowledgeBase, *, kind: Kind, do: str, arguments: Any) -> list[Result]:
-    """Call a method of a DAO that writes, as the library does; the result is what it returns.
+    """Call a writing method of a DAO, as the library does, and return its result.
 
     Args:
         kind: the DAO, as an attribute of `kb` or `kb.pddl`.
@@ -116,7 +116,7 @@ PATH_SCOPES[TRANSACTION_PATH] = "write"
 async def dao_transaction(
     request: Request, given: TransactionStep, kb_name: KbName = None
 ) -> Response:
-    """Take a step of a transaction, which is rolled back when no other follows for 10 seconds."""
+    """Take a step of a transaction, which is rolled back after 10 seconds without another step."""
     store: OpenStore = request.app.state.writing
     transactions: Transactions = request.app.state.transactions
     token: Token = request.scope["token"]
@@ -159,7 +159,7 @@ def _block(
 
 
 def _ended(lend: Lend, step: Step, key: RequestKey) -> Any:
-    """Answer a step of a transaction that is not open, and may have been committed."""
+    """Answer a step of a transaction that is not open any more, and may be committed."""
     if step == "commit":
         with lend() as kb, kb.transaction():
             if find_request(open_transaction(kb), key.key) is not None:

@@ -1,4 +1,4 @@
-"""The results as OpenAPI describes their JSON, and the page that is made of that."""
+"""OpenAPI's description of the results, and the page made from it."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def schema_of(annotation: Any) -> Any:
 
 
 def texts_of(documented: object, section: str) -> tuple[str, dict[str, str]]:
-    """Return what a docstring says, and what a section of it says of each name."""
+    """Return the text of a docstring, and the texts of the names in a section."""
     said = inspect.getdoc(documented) or ""
     description, _, items = said.partition(f"\n\n{section}:\n")
     return description, {name: " ".join(text.split()) for name, text in _ITEM.findall(items)}
@@ -48,7 +48,7 @@ def texts_of(documented: object, section: str) -> tuple[str, dict[str, str]]:
 
 @cache
 def _document(kind: type) -> Any:
-    """Make the type of the document of a class; another one is its own."""
+    """Make the type of a class's document; other types stay."""
     parts = json_fields(kind)
     if parts is None:
         return kind
@@ -107,7 +107,7 @@ def _topics(document: dict[str, Any]) -> dict[str, list[dict[str, Any]]]:
 
 
 def _documents(document: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Return the schemas of what answers are, or contain, by name."""
+    """Return the schemas of answers and their parts, by name."""
     return {
         name: schema
         for name, schema in sorted(document["components"]["schemas"].items())

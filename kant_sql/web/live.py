@@ -1,7 +1,7 @@
-"""Live events: new revisions are told to all readers, by one watching thread per knowledge base.
+"""Live events: one watching thread per knowledge base notifies all readers of new revisions.
 
-Readers are told of the last revision only, at most twice in a second, so that neither many
-readers nor a busy writer make work for the other.
+Readers get only the last revision, at most twice a second, so many readers and a busy writer do not
+burden each other.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ from .stores import OpenStore, answer
 
 # Seconds between two events of one knowledge base.
 PAUSE = 0.5
-# Seconds between looks at the heads of all knowledge bases, for the home page.
+# Seconds between reads of all heads, for the home page.
 LOOK_EVERY = 1.0
-# Seconds for which a thread waits for a revision, and pauses after a failure.
+# Seconds that a thread waits for a revision, and pauses after a failure.
 WATCH_FOR, RECOVER = 5.0, 1.0
-# Seconds after which a reader is told that the connection lives.
+# Seconds between signs of life to a reader.
 HEARTBEAT = 15.0
-# Seconds that a thread watches on after the last reader has left: most go on to another page.
+# Seconds that a thread continues after the last reader has left: most open another page.
 LINGER = 10.0
 # Milliseconds until a browser connects again.
 RETRY = 2_000
@@ -57,7 +57,7 @@ class LiveEvent(NamedTuple):
 
 
 class LiveFeed:
-    """What the readers of one knowledge base are told. All but `tell` is for the event loop."""
+    """The events for the readers of one knowledge base. All but `tell` is for the event loop."""
 
     def __init__(self) -> None:
         self.readers = 0
@@ -82,7 +82,7 @@ class LiveFeed:
         changed.set()
 
     async def following(self, seen: int | None, seconds: float) -> LiveEvent | None:
-        """Wait for another revision than the one that was seen; None when there was none."""
+        """Wait for a revision after the last seen one; return None after a timeout."""
         if self._news(seen) is None:
             with suppress(TimeoutError):
                 await asyncio.wait_for(self._changed.wait(), seconds)
@@ -103,7 +103,7 @@ class LiveHub:
         self.is_closed = False
 
     def admit(self, name: str | None) -> None:
-        """Raise when there are too many readers already."""
+        """Raise if there are too many readers."""
         is_new = name not in self._feeds
         if self._readers >= MOST_READERS or (is_new and len(self._feeds) > MOST_WATCHED):
             raise StoreBusyError("too many readers follow live changes; reload the page instead")
@@ -164,7 +164,7 @@ def _watch(kb: KnowledgeBase, name: str, feed: LiveFeed, seen: int | None) -> in
         assert seen is not None
         return seen
     feed.tell(_event(kb, name, head))
-    # What is written meanwhile is told with the next event.
+    # Revisions written meanwhile come with the next event.
     feed.is_over.wait(PAUSE)
     return head
 
@@ -219,8 +219,8 @@ async def events(
 
     Each event `revision` has the number of the last revision as its id, and a document with
     `knowledge_base`, `revision`, `committed_at`, `actor`, `reason` and `message` as its data.
-    Several revisions may be told by one event. A reader who connects again gives the last id, by
-    the header `Last-Event-ID`, and misses nothing. The stream ends when its token is revoked.
+    One event may cover several revisions. To reconnect without a gap, send the last id in the
+    header `Last-Event-ID`. The stream ends when its token is revoked.
     """
     store: OpenStore = request.app.state.store
     hub: LiveHub = request.app.state.live

@@ -1,4 +1,4 @@
-"""Registering pages: one function gives the data of a page and of its JSON under `/api/`."""
+"""Registers pages: one function returns the data of a page and of its JSON under `/api/`."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from .security import require_all
 from .stores import OpenStore, answer
 
 F = TypeVar("F", bound=Callable[..., Any])
-# Draws a result; it is given the parameters of its page, too.
+# Draws a result, with the parameters of its page.
 Draw: TypeAlias = Callable[[Any, Mapping[str, Any]], JsonValue]
 
 KB_DESCRIPTION = "The knowledge base's name; not needed in a store of one."
-# Of a form: what it is asked with is wrong, or never was.
+# Errors of a form's input: it is wrong, or names an element that never existed.
 WRONG_INPUT = 400, 404
-# The first that fits; another error of the library is the server's.
+# The first match counts; other errors of the library are the server's.
 _STATUS: tuple[tuple[type[errors.KantSqlError], int], ...] = (
     (errors.UnknownNameError, 404),
     (errors.ArchivedError, 410),
@@ -40,7 +40,7 @@ _STATUS: tuple[tuple[type[errors.KantSqlError], int], ...] = (
     (errors.StoreUnreachableError, 503),
     (errors.QuestionCancelledError, 503),
     (errors.StatementTimeoutError, 504),
-    # What writers alone meet.
+    # Errors of writes only.
     (errors.StaleRevisionError, 412),
     (errors.ReadOnlyError, 403),
     (errors.ConflictError, 409),
@@ -54,13 +54,13 @@ _STATUS: tuple[tuple[type[errors.KantSqlError], int], ...] = (
     (errors.StoreReplacedError, 503),
     (errors.StoreFullError, 507),
 )
-# PostgreSQL keeps no text with a NUL, and refuses to look for one.
+# PostgreSQL stores no text with a NUL, and refuses to search for one.
 NO_NUL = r"^[^\x00]*$"
 KbName = Annotated[str | None, Query(alias="kb", description=KB_DESCRIPTION, pattern=NO_NUL)]
 
 
 def status_of(error: errors.KantSqlError | type[errors.KantSqlError]) -> int:
-    """Return the HTTP status that says whose error it is."""
+    """Return the HTTP status of an error."""
     raised = error if isinstance(error, type) else type(error)
     return next((status for kind, status in _STATUS if issubclass(raised, kind)), 500)
 
@@ -88,14 +88,14 @@ class Pages:
         rows: Sequence[str] = (),
         draw: Draw | None = None,
     ) -> Callable[[F], F]:
-        """Register a function that gives a page's data.
+        """Register a function that returns a page's data.
 
         Its first argument is a knowledge base, or the store; the others are parameters of the
         query, by keyword, as FastAPI declares them. It returns a dataclass or a NamedTuple, whose
-        JSON the template shows. Its docstring describes the page. A form shows what is wrong with
-        its input itself: its template gets `error`, and None as its `page`. `rows` are the places
-        of the data whose rows `/csv` followed by the path gives, the first that has any. `draw`
-        makes what the template shows beside the data, as `drawn`: markup, of what was read.
+        JSON the template shows. Its docstring describes the page. A form shows errors of its input
+        itself: its template gets `error`, and None as its `page`. `rows` are the lists in the data
+        that `/csv` followed by the path returns, the first one with rows. `draw` makes additional
+        markup from the data, which the template gets as `drawn`.
         """
 
         def register(function: F) -> F:
@@ -114,7 +114,7 @@ class Pages:
         return register
 
     def json(self, path: str) -> Callable[[F], F]:
-        """Register a function that gives JSON alone, below `/api/`."""
+        """Register a function that returns only JSON, below `/api/`."""
 
         def register(function: F) -> F:
             self.api.get(path)(_endpoint(function, _json))
@@ -124,7 +124,7 @@ class Pages:
 
 
 class VisibleJson(JSONResponse):
-    """JSON in which characters that hide are escaped: browsers show it as it is."""
+    """JSON with hidden characters escaped: browsers show it as it is."""
 
     def render(self, content: object) -> bytes:
         """Return the document."""
@@ -133,9 +133,9 @@ class VisibleJson(JSONResponse):
 
 
 class _Answer(NamedTuple):
-    """The data of a page as JSON, and what it is of.
+    """The data of a page as JSON, with its knowledge base and head.
 
-    `head` is the last revision before the data was read; of a store, how many there are.
+    `head` is the last revision before the read; for a store, the number of all revisions.
     """
 
     data: JsonValue
@@ -185,7 +185,7 @@ def _endpoint(
     refuse: Callable[[Request, errors.KantSqlError], Awaitable[Any]] | None = None,
     draw: Draw | None = None,
 ) -> Callable[..., Awaitable[Any]]:
-    """Make an endpoint of a data function: its parameters, the request and the name of a store."""
+    """Make an endpoint from a data function, with its parameters, the request and a store."""
     signature = inspect.signature(function, eval_str=True)
     first, *others = signature.parameters.values()
     of_store = first.annotation is OpenStore
@@ -269,7 +269,7 @@ Offset = Annotated[
 
 
 def past(kb: KnowledgeBase, at: str | None, valid: str | None) -> KnowledgeBase:
-    """Open the state of a form: of a revision or time, and of what was true at a time."""
+    """Open the state of a form: known at a revision or time, and true at a time."""
     known, time = moment(at), moment(valid)
     if known is None and time is None:
         return kb
@@ -282,6 +282,6 @@ def moment(text: str | None) -> int | datetime | None:
 
 
 def bound(text: str | None) -> int | datetime | None:
-    """Read an end of a range, which may be now; None for an open end."""
+    """Read a bound of a range, which may be now; None for an open end."""
     stripped = (text or "").strip()
     return parse_moment(stripped) if stripped else None

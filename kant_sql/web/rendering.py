@@ -1,4 +1,4 @@
-"""Templates and CSV: links, text that is nothing but text, and no folders of the server."""
+"""Templates and CSV: links, escaped text, and no folders of the server."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from ..json_values import JsonValue
 from ..sql.executions import OUTCOMES, read_outcome
 
 STATIC = Path(__file__).parent / "static"
-# A longer text is cut in links and titles; its own page has all of it.
+# Links and titles cut longer texts; their own page has the whole text.
 SHORT = 200
-# What is in one line of a column: of a longer word, so many characters.
+# The characters of a long word in one line of a column.
 _PIECE = re.compile(r"(?:\S{0,32}\s)+\S{0,32}|\S{1,32}|\s+")
 _LINE = re.compile(r"[^\t\n]+")
 
@@ -76,7 +76,7 @@ def shown_text(value: object) -> str:
 
 
 def _written(value: object) -> object:
-    """Make all that a template writes visible; the filters `exact` and `lines` do without."""
+    """Make hidden characters in a template's output visible; `exact` and `lines` do not."""
     return visible(value) if isinstance(value, str) and not hasattr(value, "__html__") else value
 
 
@@ -86,7 +86,7 @@ def lines(value: object) -> Markup:
 
 
 def breaking(value: object) -> Markup:
-    """Return a text whose words may be broken only after so many characters, not in the middle."""
+    """Return a text whose words break only after a number of characters."""
     return Markup("<wbr>").join(map(escape, _PIECE.findall(shown_text(value))))
 
 
@@ -121,7 +121,7 @@ def position(value: str, begin: str, end: str) -> float:
 
 
 def shifted(value: str, minutes: int) -> str | None:
-    """Return the time so many minutes later, or earlier; None if that is still to come."""
+    """Return a time some minutes later or earlier; None if it is in the future."""
     try:
         moment = datetime.fromisoformat(value) + timedelta(minutes=minutes)
     except OverflowError:
@@ -130,7 +130,7 @@ def shifted(value: str, minutes: int) -> str | None:
 
 
 def left(value: str) -> int:
-    """Return how many seconds it is until a time; below 0 when it is over."""
+    """Return the seconds until a time; negative if it has passed."""
     return round((datetime.fromisoformat(value) - datetime.now(UTC)).total_seconds())
 
 
@@ -200,7 +200,7 @@ def render(
     has_rows: bool = False,
     drawn: object = None,
 ) -> HTMLResponse:
-    """Return a page; without data, it says what is wrong. Behind `head`, it follows changes."""
+    """Return a page; without data, with the error. After `head`, it follows changes."""
     path, query = request.url.path, request.url.query
     asked = f"?{query}" if query else ""
     context = {
@@ -218,14 +218,14 @@ def render(
     return HTMLResponse(render_text(template, context), status_code=status)
 
 
-# What a spreadsheet takes for a formula; neither a sign nor a number is one.
+# Texts that a spreadsheet reads as formulas; a sign or a number is none.
 _FORMULA = re.compile(r"(?![+-]?[0-9.]*$)[=+\-@\t\r]")
 
 Row = dict[str, object]
 
 
 def csv_text(data: Any, places: Sequence[str]) -> str:
-    """Return the first rows that a document has at places such as `parts.elements`, as CSV."""
+    """Return the rows at the first non-empty path, such as `parts.elements`, as CSV."""
     # A column is the path of a value in its row; lists are in one cell, as JSON where they have
     # documents. A text that would be a formula begins with an apostrophe.
     rows = next(filter(None, (list(_rows(data, place.split("."))) for place in places)), [])
@@ -238,7 +238,7 @@ def csv_text(data: Any, places: Sequence[str]) -> str:
 
 
 def _rows(data: Any, path: Sequence[str]) -> Iterator[Row]:
-    """Yield the rows at a path; one within a row has the texts of that."""
+    """Yield the rows at a path; a row within another one has its texts."""
     found = data.get(path[0])
     if isinstance(found, dict):
         yield from _rows(found, path[1:])
@@ -278,7 +278,7 @@ _PATH = re.compile(r"(?<![\w:/.…])/(?:[^\s/:;,'\"()]+/)+")
 
 
 class Folders:
-    """Writes `…/` for the folders of a server: readers are told which file, never where it is."""
+    """Writes `…/` for the folders of a server: readers see the file, never its folder."""
 
     def __init__(self, url: str) -> None:
         file = _FILE.match(url)
@@ -292,7 +292,7 @@ class Folders:
         return _URL.sub(r"\1…/", text) if "sqlite:///" in text else text
 
     def hide_in(self, data: JsonValue) -> JsonValue:
-        """Return a document without folders, however deep they are."""
+        """Return a document without folders, at any depth."""
         if isinstance(data, str):
             return self.hide(data)
         if isinstance(data, dict):

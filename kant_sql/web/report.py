@@ -43,7 +43,7 @@ __all__ = ["report_html", "write_report"]
 
 T = TypeVar("T")
 
-# What the caller has got wrong is refused; what is wrong in the store is told of.
+# The caller's errors are refused; errors of the store are reported.
 _WRONG = (AnchorError, InvalidArgumentError, UnknownNameError, UnknownRevisionError)
 
 
@@ -66,18 +66,18 @@ def report_html(
         kb: the knowledge base.
         since: the first revision, or the earliest time of commit; both inclusive.
         until: the last revision, or the latest time of commit; both inclusive.
-        objects: the names of objects; the report says what involved each of them.
+        objects: the names of objects; the report has all that involved each.
         facts: facts and fluents; the report has the consequences and origins of each.
         rules: constraints and preferences, as for `kb.pddl.check_rules`; None for those of
-            the domain and the problem, and for those that are kept, each since it was saved.
+            the domain and the problem, and the kept rules, each since it was saved.
         verify: whether to verify the whole history.
-        anchor: an anchor that was kept elsewhere, to verify the history with.
-        progress: called while the history is verified, as by `kb.store.verify`.
-        clock: `committed`, or `valid` for timelines of when facts and values were true, as it is
-            known now. All other sections go by revisions.
+        anchor: an anchor that you kept elsewhere, to verify the history.
+        progress: called during the verification, as by `kb.store.verify`.
+        clock: `committed`, or `valid` for timelines on valid time, as known now. All other sections
+            use revisions.
 
     Returns:
-        A page of HTML that needs nothing else.
+        A self-contained HTML page.
 
     Raises:
         UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
@@ -96,7 +96,7 @@ def report_html(
     names = items(objects, str, "the objects")
     report = ReportReader.of(kb, since, until, clock)
     read = Sections(_WRONG if rules is None else (*_WRONG, PddlError, SourceError))
-    # First: an unknown name is refused before all else takes its time.
+    # First: refuse an unknown name before the slow work.
     involved = {
         name: read(f"object {name}", partial(_object, report, name))
         for name in dict.fromkeys(names)
@@ -124,7 +124,7 @@ def report_html(
 
 
 def _happened(report: ReportReader, read: Sections, rules: Rules | None) -> dict[str, Any]:
-    """Read the sections of a range; without revisions, those of what was true then."""
+    """Read the sections of a range; without revisions, only those on valid time."""
     page: dict[str, Any] = dict.fromkeys(("timeline", "drawing", "corrections"))
     timeline = read("timeline", report.timeline)
     if timeline is not None:
@@ -147,7 +147,7 @@ def _object(report: ReportReader, name: str) -> ReportStays:
 
 
 class Sections:
-    """Reads sections; one that cannot be read says why, and the others are read all the same."""
+    """Reads sections; a section that cannot be read says why, and the others are complete."""
 
     def __init__(self, refused: tuple[type[KantSqlError], ...]) -> None:
         self.errors: dict[str, str] = {}  # why, by the names of the sections
@@ -164,7 +164,7 @@ class Sections:
 
 
 def _render(page: Mapping[str, Any], name: str) -> str:
-    """Write the page, with all that it needs in it."""
+    """Write the self-contained page."""
     log: ReportRows[ReportEntry] | None = page.get("log")
     plans: ReportRows[ReportPlan] | None = page.get("plans")
     listed = {
@@ -173,7 +173,7 @@ def _render(page: Mapping[str, Any], name: str) -> str:
     }
 
     def link(path: str, /, **query: object) -> str:
-        """Return where something is in this page; nothing for what is not in it."""
+        """Return the anchor of a target in this page; nothing if it is not in it."""
         place = str(query.get("number", query.get("id")))
         return f"#{path[1:]}-{place}" if place in listed.get(path, ()) else ""
 
@@ -219,11 +219,11 @@ def write_report(
     progress: Progress | None = None,
     clock: str = COMMITTED,
 ) -> Path:
-    """Write the report of a range of revisions to a file, whole or not at all.
+    """Write the report of a range of revisions to a file, atomically.
 
     Args:
         kb: the knowledge base.
-        path: the file; one that is there is replaced.
+        path: the file; an existing one is replaced.
         since: as for `report_html`.
         until: as for `report_html`.
         objects: as for `report_html`.
@@ -268,7 +268,7 @@ def write_report(
 @contextmanager
 def replacing(target: Path) -> Iterator[Path]:
     """Yield a new file beside another one, which it replaces at the end of the block."""
-    # It is made at once: a folder that cannot be written to is not a reason to work first.
+    # Made at once: an unwritable folder fails before the work.
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(target))
     draft = target.with_name(f".{target.name[:200]}.{secrets.token_hex(4)}")

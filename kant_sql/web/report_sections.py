@@ -1,4 +1,4 @@
-"""The sections of a report: what each one reads, bounded, with what it left out."""
+"""The sections of a report: bounded, each with the number of omitted items."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from ..reasoning.rules import Rules, Verdict, Verdicts
 
 T = TypeVar("T")
 
-# Lanes that are looked at, slices of their window, and what each section shows at most.
+# Lanes to examine, slices of their window, and the maximum of each section.
 SEEN, SLICES = 200, 200
 ACTORS, LANES, BARS, PLANS, STEPS, ACTS, RULES, GOALS, ENTRIES, CHANGES, FINDINGS = (
     20, 40, 300, 25, 100, 100, 200, 200, 300, 30, 200,
 )  # fmt: skip
 EFFECTS = 100
-# Of each fact: how far its consequences and origins are followed, and links of each.
+# For each fact: the depth of its consequences and origins, and their number.
 DEPTH, LINKS = 5, 50
 # Changes of all revisions together, of each an equal share.
 SHOWN = 900
@@ -43,7 +43,7 @@ SHOWN = 900
 
 @dataclass(frozen=True)
 class ReportSection:
-    """What all sections have: what is left out, and the command that shows all of it."""
+    """A section: the omitted items, and the command that shows everything."""
 
     left_out: str | None
     command: str
@@ -58,13 +58,13 @@ class ReportRows(ReportSection, Generic[T]):
 
 @dataclass(frozen=True)
 class ReportActs(ReportSection):
-    """What was done, as it was at the end of the range."""
+    """The acts, as of the end of the range."""
 
     acts: list[Execution]
 
 
 class ReportCount(NamedTuple):
-    """How much of a kind changed."""
+    """The number of changes of a kind."""
 
     kind: str
     asserted: int = 0
@@ -73,7 +73,7 @@ class ReportCount(NamedTuple):
 
 @dataclass(frozen=True)
 class ReportSummary(ReportSection):
-    """What the report is about."""
+    """The subject of the report."""
 
     knowledge_base: str
     store: str
@@ -100,7 +100,7 @@ class ReportStay:
 
 @dataclass(frozen=True)
 class ReportStays(ReportSection):
-    """What held when."""
+    """The elements and their periods."""
 
     name: str
     stays: list[ReportStay]
@@ -108,7 +108,7 @@ class ReportStays(ReportSection):
 
 @dataclass(frozen=True)
 class ReportPlan:
-    """A recorded plan, when and by whom it was recorded, and how many steps are left out."""
+    """A recorded plan, when and by whom it was recorded, and the number of omitted steps."""
 
     _json_ = "*plan", "recorded", "outcomes", "steps_left", "command"
 
@@ -140,7 +140,7 @@ class ReportGoals(ReportSection):
 
 @dataclass(frozen=True)
 class ReportEffects(ReportSection):
-    """What was expected at the end of the range, and what was contradicted within it."""
+    """The expected facts at the end of the range, and those contradicted within it."""
 
     unconfirmed: list[Version]
     contradicted: list[Version]
@@ -148,7 +148,7 @@ class ReportEffects(ReportSection):
 
 @dataclass(frozen=True)
 class ReportEntry:
-    """A revision, and how many of its changes are left out."""
+    """A revision, and the number of its omitted changes."""
 
     _json_ = "*entry", "changes_left", "command"
 
@@ -166,7 +166,7 @@ class ReportVerification(ReportSection):
 
 @dataclass(frozen=True)
 class ReportCauses(ReportSection):
-    """What a fact led to, and what it goes back to, as of the end of the range."""
+    """The consequences and origins of a fact, as of the end of the range."""
 
     consequences: CauseLinks
     origins: CauseLinks
@@ -176,8 +176,8 @@ class ReportTimeline(NamedTuple):
     """A timeline of the lanes that changed most."""
 
     timeline: Timeline
-    left: int  # how many lanes are left out
-    has_more: bool  # whether there are more that were not even looked at
+    left: int  # the number of omitted lanes
+    has_more: bool  # whether there are more lanes that were not examined
 
 
 class ReportReader(NamedTuple):
@@ -186,7 +186,7 @@ class ReportReader(NamedTuple):
     kb: KnowledgeBase
     # Its first and last revisions, or times of commit, as for `kb.log`, and the clock of timelines.
     range: tuple[When | None, When | None, str]
-    tally: Tally  # what its revisions changed
+    tally: Tally  # the changes of its revisions
 
     @classmethod
     def of(
@@ -201,16 +201,16 @@ class ReportReader(NamedTuple):
         return self.tally.last < self.tally.first
 
     def command(self, *words: str) -> str:
-        """Write the command that shows all of something; the environment names the store."""
+        """Write the command that shows everything; the environment names the store."""
         return shlex.join(["kant-sql", *words, "--kb", self.kb.store.factory.name])
 
     def ranged(self, *words: str) -> str:
-        """Write the command that shows all of something in the range."""
+        """Write the command that shows everything in the range."""
         ends = ("--since", str(self.tally.first), "--until", str(self.tally.last))
         return self.command(*words, *ends)
 
     def summary(self) -> ReportSummary:
-        """Say what the report is about."""
+        """Summarize the report."""
         tally = self.tally
         kinds: dict[str, ReportCount] = {}
         for kind, sign, count in tally.changes:
@@ -218,7 +218,7 @@ class ReportReader(NamedTuple):
             kinds[kind] = kinds.get(kind, ReportCount(kind))._replace(**change)
         left = tally.actors - sum(each.actor is not None for each in tally.busiest)
         archived = (
-            f"what ended up to revision {tally.archived}, which was moved to an archive"
+            f"versions that ended up to revision {tally.archived}, which are in an archive"
             if tally.archived >= tally.first and not self.is_empty
             else None
         )
@@ -263,7 +263,7 @@ class ReportReader(NamedTuple):
         return ReportTimeline(replace(found, lanes=lanes), left, found.next is not None)
 
     def stays(self, shown: ReportTimeline, name: str = "") -> ReportStays:
-        """List what held when, oldest first."""
+        """List the versions of elements, oldest first."""
         timeline = shown.timeline
         found = [(bar.since_at, lane, bar) for lane in timeline.lanes for bar in lane.bars]
         found.sort(key=lambda one: one[0])
@@ -312,7 +312,7 @@ class ReportReader(NamedTuple):
         return ReportActs(left_out, self.ranged("acts"), found[:ACTS][::-1])
 
     def rules(self, rules: Rules | None) -> ReportRules:
-        """Hold rules against the range; without any, those of the store and those that are kept."""
+        """Judge the range by rules; by default those of the documents and the kept ones."""
         first, last = self.tally.first, self.tally.last
         found = [*self.kb.pddl.check_rules(rules, since=first, until=last)]
         if rules is None:
@@ -338,7 +338,7 @@ class ReportReader(NamedTuple):
         return ReportGoals(left_out, command, last, found[:GOALS], len(found))
 
     def effects(self) -> ReportEffects:
-        """Read effects of acts that nobody confirmed, and those that somebody retracted unseen."""
+        """Read unconfirmed effects of acts, and contradicted ones."""
         first, last = self.tally.first, self.tally.last
         then = self.kb.at(last)
         lists = (
@@ -350,7 +350,7 @@ class ReportReader(NamedTuple):
         return ReportEffects(left_out, command, *(each[:EFFECTS] for each in lists))
 
     def corrections(self, shown: ReportTimeline) -> ReportRows[Correction]:
-        """Find what was believed in the range, and said differently since, up to now."""
+        """Find later corrections of beliefs about the range, up to now."""
         since, until = shown.timeline.since, shown.timeline.until
         found = self.kb.corrections(since=min(self.tally.first, self.kb.revision), limit=SEEN)
         own = [one for one in found if one.valid_until > since and one.valid_from <= until]
@@ -359,7 +359,7 @@ class ReportReader(NamedTuple):
         return ReportRows(left_out, command, own[:EFFECTS])
 
     def causes(self, fact: str) -> ReportCauses:
-        """Find what a fact led to, and what it goes back to."""
+        """Find the consequences and origins of a fact."""
         then, how = self.kb.at(self.tally.last), {"depth": DEPTH, "limit": LINKS}
         found = then.consequences(fact, **how), then.origins(fact, **how)
         left_out = f"all but the nearest {LINKS} links" if any(f.has_more for f in found) else None
@@ -386,7 +386,7 @@ class ReportReader(NamedTuple):
         )
 
     def verify(self, anchor: Anchor | None, progress: Progress | None) -> ReportVerification:
-        """Verify the whole knowledge base, and write its head for whoever verifies it later."""
+        """Verify the whole knowledge base, and write its head for later verifications."""
         found = self.kb.store.verify(anchor, progress=progress)
         left_out = _left(len(found.findings) - FINDINGS, "more findings")
         some = replace(found, findings=found.findings[:FINDINGS])
@@ -400,13 +400,13 @@ class ReportReader(NamedTuple):
 
 
 def _activity(lane: Lane, first: int) -> tuple[int, int]:
-    """Return how often a lane changed in a range that begins with a revision, and when last."""
+    """Return how often and when last a lane changed in a range from a revision on."""
     ends = [end for bar in lane.bars for end in (bar.since, bar.until or 0) if end >= first]
     return len(ends) + sum(density.count for density in lane.densities), max(ends, default=0)
 
 
 def _left(number: int, noun: str, which: str = "") -> str | None:
-    """Say how many are left out; None if there are none."""
+    """Write the number of omitted items; None if there are none."""
     return f"{which}{number:,} {noun}" if number > 0 else None
 
 

@@ -1,4 +1,4 @@
-"""Who may ask, under which name, and what a browser may do with the answer."""
+"""Access: who may read, under which host names, and browser policies for the answers."""
 
 from __future__ import annotations
 
@@ -50,12 +50,12 @@ _HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-# What holds now changes; a file with its digest in the address does not.
+# Pages of the present change; a file with its digest in the address does not.
 _NO_CACHE, _CACHE = "no-cache", "max-age=31536000, immutable"
 
 
 def allowed_hosts(bound: str, others: Iterable[str] = ()) -> frozenset[str]:
-    """Return the names under which a server that is bound to an address may be asked."""
+    """Return the host names that a server bound to an address answers to."""
     # A page of somebody else can make its own name lead to this address ("DNS rebinding"), so names
     # are listed; an address in digits cannot be redirected.
     own = () if is_loopback(bound) else (bound, socket.gethostname(), socket.getfqdn())

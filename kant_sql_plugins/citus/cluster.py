@@ -1,13 +1,12 @@
 """Citus, the extension of PostgreSQL that distributes tables over several servers (nodes).
 
-`head` is distributed by `kb_id`, and all other tables are colocated with it, so that what belongs
-to a knowledge base is in one shard on one node. `knowledge_base` and the version table are
-reference tables, which each node has whole.
+`head` is distributed by `kb_id`, and all other tables are colocated with it, so each knowledge base
+is in one shard on one node. `knowledge_base` and the version table are reference tables, complete
+on each node.
 
-Citus distributes no table that has a foreign key to one that is not: they are dropped and added
-again. What it brings back to one table it makes from a text: comments are lost, and lists of words
-are written in another way. So a store that is distributed no more gets these as its migrations make
-them.
+Citus distributes no table with a foreign key to a table that is not distributed: the keys are
+dropped and added again. To undistribute a table, Citus recreates it from a text, without comments
+and with another form of word lists. So undistribution restores these as the migrations make them.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ def distribute(
 ) -> None:
     """Distribute the tables over a Citus cluster.
 
-    All of it happens, or nothing; what is distributed already stays as it is. Make a backup first.
+    The command is atomic, and does not change distributed tables. Make a backup first.
     """
     from .distribution import distribute as distribute_tables
     from .distribution import script

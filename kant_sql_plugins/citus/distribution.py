@@ -117,11 +117,11 @@ class Distribution(NamedTuple):
     """The distribution of a store's tables over the nodes of a Citus cluster.
 
     Attributes:
-        shards: how many shards each table has; 0 where none is distributed.
+        shards: the number of shards of each table; 0 if none is distributed.
         nodes: host and port of each node that may hold shards.
-        tables: the tables that are moved.
-        statements: the SQL that does it, in one transaction; empty where nothing is to be done.
-        views: the SQL that creates the generated views again, afterwards.
+        tables: the moved tables.
+        statements: the SQL, in one transaction; empty if there is nothing to do.
+        views: the SQL that recreates the generated views afterwards.
     """
 
     shards: int
@@ -145,26 +145,25 @@ def distribute(
 ) -> Distribution:
     """Distribute the tables of a store over the nodes of a Citus cluster, or bring them together.
 
-    All of it is one transaction, which no reader or writer may be in the way of. Tables that are
-    distributed already stay as they are. Generated views are dropped, and created again afterwards.
-    Make a backup first.
+    It is one transaction, and needs a moment without other open transactions. Distributed tables do
+    not change. Generated views are dropped, and recreated afterwards. Make a backup first.
 
     Args:
         url: the URL of the database on the coordinator, of the owner of the tables.
-        shards: how many shards each table has; None for the server's `citus.shard_count`.
+        shards: the number of shards of each table; None for the server's `citus.shard_count`.
         undo: whether to bring the tables together, in the coordinator's database.
         dry_run: whether to return the statements without running them.
 
     Returns:
-        What is distributed how, and the statements that did it.
+        The distribution, and its statements.
 
     Raises:
         InvalidArgumentError: the number of shards is not a number from 1 on.
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.
         StoreBusyError: a session, which the message names, holds a table's lock; nothing was
             changed.
-        StoreError: this is not a coordinator of a cluster, or something is in the way of the
-            distribution; the message names it, and nothing was changed.
+        StoreError: this is not a coordinator of a cluster, or an obstacle, which the message names,
+            prevents the distribution; nothing was changed.
     """
     if shards is not None:
         whole_number(shards, "shards", least=1, expected="a whole number of shards from 1 on")

@@ -1,1 +1,1 @@
-"""`kant-sql demo`: small worlds with a story, and a guided page of the web for each."""
+"""`kant-sql demo`: small worlds with a story, each with a guided web page."""

@@ -1,4 +1,4 @@
-"""What a demo is made of: a world with a story, and the steps of its guided page."""
+"""The parts of a demo: a world with a story, and the steps of its guided page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Step(NamedTuple):
 
     Attributes:
         title: the question.
-        text: what the answer says, and why it is of interest.
+        text: the answer, and why it is interesting.
         path: the page that has the answer.
         query: the parameters of the page, without the knowledge base.
         command: the words behind `kant-sql`.

@@ -51,7 +51,7 @@ def answer_models(
     if write not in (None, "branch", "checked"):
         raise typer.BadParameter(f"{write!r}: expected branch or checked", param_hint="--write")
     if kb is not None and write != "checked":
-        raise typer.BadParameter("goes with --write checked", param_hint="--kb")
+        raise typer.BadParameter("needs --write checked", param_hint="--kb")
     with needing(MISSING):
         from .stdio import serve
     where: Any = write

@@ -21,7 +21,7 @@ def test_what_ended_is_moved_and_told(own_store: str, tmp_path: Path) -> None:
     words = ("archive", own_store, "--before", "3", "--to", to, "--actor", "cron")
     counted = run(*words, "--dry-run")
     assert counted.exit_code == 0, counted.stderr
-    assert f"1 version that ended up to revision 2 to move to {to}" in counted.stdout
+    assert f"1 version that ended up to revision 2 would move to {to}" in counted.stdout
     assert not (tmp_path / "archive.db").exists()
     result = run(*words, "--reason", "retention")
     assert result.exit_code == 0, result.stderr
@@ -69,7 +69,7 @@ def test_a_time_says_before_when(own_store: str, tmp_path: Path) -> None:
     result = run("archive", own_store, "--before", third, "--to", to, "--dry-run")
     assert "up to revision 2" in result.stdout
     result = run("archive", own_store, "--before", "90 days ago", "--to", to)
-    assert result.stdout == "knowledge base tiago: nothing is here that ended up to revision 0\n"
+    assert result.stdout == "knowledge base tiago: no version ended up to revision 0\n"
     result = run("archive", own_store, "--before", "soon", "--to", to)
     assert result.exit_code == 2
 

@@ -133,7 +133,7 @@ def test_restore_makes_a_revision_that_can_be_undone(own_store: str) -> None:
     result = run("restore", own_store, "1", "--actor", "operator", "--reason", "tried too much")
     assert result.exit_code == 0, result.stderr
     head, *changes = result.stdout.splitlines()
-    assert head == "knowledge base tiago, revision 4: as revision 1 was"
+    assert head == "knowledge base tiago, revision 4: the state of revision 1"
     assert f"+ fact {AT_WP1}" in changes
     assert f"- fact {AT_WP2}" in changes
     with kant_sql.connect(own_store, knowledge_base="tiago") as kb:

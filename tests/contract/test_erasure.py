@@ -519,7 +519,7 @@ def test_the_prompt_is_dry_without_yes(tmp_path: Path, connect: Connect) -> None
         ("retention", url, "--rules", "rules.txt", "--parts", "reason"),
     )
     for refused in ignored:
-        assert "goes with" in commands.complaint(*refused, code=2)
+        assert "needs" in commands.complaint(*refused, code=2)
     for wrong in (("erase", url), ("erase", url, "bob", "--revision", "4"), ("retention", url)):
         assert commands.run(*wrong).exit_code == 2
     (path := tmp_path / "rules").write_bytes(b"\xff 30d reason")

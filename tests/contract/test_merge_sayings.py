@@ -155,7 +155,7 @@ def test_a_revision_says_one_thing_of_an_element(rooms: KnowledgeBase, branch_of
     save(trial, 10, 14, "(open p3)")
     with pytest.raises(ConflictError, match=r"\(open p1\).*as in kb\.merge\(branch\.at\(2\)\)"):
         rooms.merge(trial)
-    assert "one thing of an element" in (rooms.merge_preview(trial).refused or "")
+    assert "one saying about an element" in (rooms.merge_preview(trial).refused or "")
     first = trial.log(limit=10)
     [text] = [change.text for one in first for change in one.changes if ":not-held" in change.text]
     left = rooms.merge_preview(trial, decide={text: "ours"})

@@ -10,8 +10,8 @@ import kant_sql
 from tests.support.processes.commands import run_example
 
 DONE = """\
-plan 1, what is left of it is valid
-plan 1, what is left of it needs nothing that changed
+plan 1, the rest is valid
+plan 1, the rest needs nothing that changed
 driving: (go hall corridor front)
 driving: (go corridor hall front)
 driving: (go hall garden gate)

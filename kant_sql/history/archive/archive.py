@@ -102,10 +102,10 @@ class Archived(NamedTuple):
     """The result of archiving, or of a dry run.
 
     Attributes:
-        upto: the versions that ended up to this revision.
-        versions: how many, by the name of their table.
-        target: where to: the URL without a password.
-        revision: the last revision that records it; None when nothing was moved.
+        upto: versions that ended up to this revision move.
+        versions: their number, by table.
+        target: the URL of the archive, without a password.
+        revision: the last revision that records the move; None if nothing moved.
     """
 
     upto: int
@@ -127,20 +127,20 @@ def archive(
     """Move versions that ended before a revision or time into another store.
 
     The target holds the knowledge base up to the last revision before `before`, with its
-    history, and answers every question about it. This store keeps that state, all revisions
-    and their hashes. An interrupted archive can be resumed by calling this again.
+    history, and answers every question about it. This store keeps that state, all revisions and
+    their hashes. Call it again to resume an interrupted archive.
 
     Args:
         before: a revision, given as for `kb.at`: versions that ended earlier are moved.
         to: the target's URL, on any dialect; a new SQLite file is created. The target may
             contain this knowledge base only from earlier archiving.
-        dry_run: only count.
+        dry_run: count only.
         reason: why.
         actor: who archives; by default the knowledge base's actor.
         progress: called with the number of revisions copied, and the number in total.
 
     Returns:
-        The versions that were or would be moved.
+        The versions that moved or would move.
 
     Raises:
         UnknownRevisionError: there is no such revision yet, or the time lies in the future or

@@ -1,4 +1,4 @@
-"""Erasure: what names somebody is destroyed everywhere, and the chain of hashes stays whole."""
+"""Erasure: destroys names everywhere, and keeps the chain of hashes verifiable."""
 
 from __future__ import annotations
 

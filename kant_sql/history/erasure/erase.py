@@ -1,4 +1,4 @@
-"""Erases what names somebody: an object's name with all that mentions it, or what revisions say."""
+"""Erases the name of an object in all texts that mention it, or texts of revisions."""
 
 from __future__ import annotations
 
@@ -58,13 +58,13 @@ class Erased(NamedTuple):
     """The result of an erasure.
 
     Attributes:
-        revision: the revision that it is; None when there was nothing to erase.
-        element_id: the object, whose id stays; None when texts of revisions were erased.
+        revision: the revision of the erasure; None if there was nothing to erase.
+        element_id: the object, whose id stays; None if texts of revisions were erased.
         pseudonym: the text that replaces the erased ones.
-        parts: how many texts were erased.
-        revisions: of how many revisions.
-        form_1: how many of these are of form 1 of the hash, from which a name can be guessed.
-        remaining: where bytes of it may remain in the database, and what removes them.
+        parts: the number of erased texts.
+        revisions: the number of their revisions.
+        form_1: the number of these with form 1 of the hash, from which a name can be guessed.
+        remaining: where old bytes may remain in the database, and the command that removes them.
     """
 
     revision: int | None
@@ -97,25 +97,25 @@ def erase(
     archive: str | None = None,
     actor: str | None = None,
 ) -> Erased:
-    """Erase the name of an object with all that mentions it, or what some revisions say.
+    """Erase the name of an object in all texts that mention it, or texts of some revisions.
 
     The object keeps its id and is called `erased-1` from now on, at every revision: facts, values,
-    actions, formulas, rules, documents, plans and executions that mention it say so, and joins and
-    counts still work. What was hashed is destroyed, and a commitment to each text stays, so that
-    the chain, anchors and replicas are verified as before. The erasure is a revision. Look at
-    `erasure_preview` first: an erasure cannot be undone.
+    actions, formulas, rules, documents, plans and executions that mention it use the new name, and
+    joins and counts still work. The erasure destroys the hashed texts and keeps a commitment to
+    each, so you can verify the chain, anchors and replicas as before. An erasure is a revision.
+    Call `erasure_preview` first: you cannot undo an erasure.
 
     Args:
         element: the object, or its name.
         reason: why; it must not contain the erased text.
-        also: of `actor`, `reason` and `source`, those to erase as well in each revision where they
-            contain the name of the object.
-        revisions: instead of an object, revisions whose `parts` to erase.
-        parts: of `actor`, `reason` and `source`, what to erase there.
-        form_1: whether to erase in revisions of form 1 of the hash, too: who has a backup, or
-            guesses, can find the name from their hashes.
-        archive: the URL of the archive that has a part of the history, where it is erased as well.
-            It is verified first.
+        also: parts to erase as well in each revision where they contain the name of the object:
+            some of `actor`, `reason` and `source`.
+        revisions: instead of an object, the revisions whose `parts` to erase.
+        parts: the parts to erase there: some of `actor`, `reason` and `source`.
+        form_1: whether to erase in revisions of form 1 of the hash, too: anybody can check a guess
+            of the name against their hashes.
+        archive: the URL of the archive that has a part of the history: it is verified first, and
+            also erases the texts.
         actor: who erases; by default the knowledge base's actor.
 
     Returns:
@@ -125,12 +125,12 @@ def erase(
         UnknownNameError: there never was such an object.
         UnknownRevisionError: there is no such revision.
         InvalidArgumentError: the reason or the actor contains the erased text.
-        ConflictError: revisions of form 1 mention it; or a part of the history is in an archive
-            that was not given, or is not the given one.
-        StoreIntegrityError: a revision differs from what was hashed, here or in the archive.
+        ConflictError: revisions of form 1 mention the object; or `archive` is not the archive that
+            has a part of the history.
+        StoreIntegrityError: a revision does not match its hash, here or in the archive.
         DivergedError: the archive has another history.
         ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
-        ReplicaError: this is a replica: erase where it is replicated from.
+        ReplicaError: this is a replica: erase at its origin.
 
     Examples:
         >>> kb.erase("rb1", reason="the robot was sold").pseudonym
@@ -277,7 +277,7 @@ class Eraser:
         if head.archived_revision:
             place = archive_of(self._session, self._kb, head.archived_revision - 1)
             raise ConflictError(
-                f"what ended up to revision {head.archived_revision} was moved to the archive "
+                f"versions that ended up to revision {head.archived_revision} are in the archive "
                 f"{place}, where the name would stay; nothing was erased: give its URL, with its "
                 "password, as archive= (--archive URL)"
             )

@@ -1,4 +1,4 @@
-"""What an erasure would destroy, and what else may name the same person."""
+"""The preview of an erasure: the texts it would destroy, and others that may name the person."""
 
 from __future__ import annotations
 
@@ -61,11 +61,11 @@ _OWN: tuple[_Place, ...] = (
 
 
 class Mention(NamedTuple):
-    """A text that contains the name, and that stays as it is.
+    """A text that contains the name, and that the erasure would not change.
 
     Attributes:
         place: the kind of text: `reason`, `message` ...
-        revision: the revision that has it; None where the table does not say.
+        revision: its revision; None if the table has none.
         text: the text.
     """
 
@@ -87,7 +87,7 @@ class ErasurePreview(NamedTuple):
         revisions: the number of their revisions.
         form_1: the number of these with form 1 of the hash, from which a name can be guessed.
         mentions: other texts that contain the name; the first hundred of each place.
-        similar: other names that contain it, are contained in it or are spelled much alike.
+        similar: other names that contain it, are part of it or have a similar spelling.
     """
 
     element_id: int | None
@@ -123,21 +123,20 @@ def erasure_preview(
 ) -> ErasurePreview:
     """Count the texts that an erasure would destroy, and list others that may name the person.
 
-    It erases in a transaction, counts, and rolls that back: nothing is changed.
+    It erases in a transaction, counts, and rolls back: it changes nothing.
 
     Args:
         element: the object, or its name.
-        archive: the URL of the archive that has a part of the history. It is verified, and gets the
+        archive: the URL of the archive that has a part of the history: it is verified, and gets the
             revisions that it lacks.
 
     Returns:
-        The counts; the texts that contain the name and would stay; names that are similar.
+        The counts, the texts that contain the name and would stay, and similar names.
 
     Raises:
         UnknownNameError: there never was such an object.
         ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
-        ConflictError: a part of the history is in an archive that was not given, or is not the
-            given one.
+        ConflictError: `archive` is not the archive that has a part of the history.
 
     Examples:
         >>> found = kb.erasure_preview("rb1")

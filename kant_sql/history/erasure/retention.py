@@ -1,4 +1,4 @@
-"""Rules by which old revisions forget who wrote them and why."""
+"""Rules of retention, which erase actors, reasons and sources of old revisions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _ERASURE = table_of(t.ErasureRow).c
 
 
 class RetentionRule(NamedTuple):
-    """What revisions of an actor forget when they are older.
+    """A rule that erases parts of revisions of an actor after some time.
 
     Attributes:
         actor: whose revisions; None for all.
@@ -46,12 +46,12 @@ class RetentionRule(NamedTuple):
 
 
 def read_rules(lines: Iterable[str]) -> list[RetentionRule]:
-    """Read rules: an actor or `*`, an age and parts, as in `camera 30d reason,source`.
+    """Read rules, each an actor or `*`, an age and parts: `camera 30d reason,source`.
 
-    An actor with spaces stands in quotes; empty lines and those that begin with `#` say nothing.
+    Put an actor with spaces in quotes; empty lines and lines that begin with `#` are ignored.
 
     Raises:
-        InvalidArgumentError: a line is no rule.
+        InvalidArgumentError: a line is not a rule.
 
     Examples:
         >>> read_rules(["camera 30d reason"])[0].after.days
@@ -145,19 +145,19 @@ def retain(
 ) -> Erased:
     """Erase parts of old revisions by rules, in one revision, or in none if nothing is old enough.
 
-    Who wrote an erasure and why is kept, and so is all of revisions of form 1 of the hash.
+    It keeps the actors and reasons of erasures, and all of revisions of form 1 of the hash.
 
     Args:
-        rules: by `kant_sql.history.erasure.retention.read_rules`.
-        reason: the reason for the revision; by default, that these are rules.
+        rules: from `kant_sql.history.erasure.retention.read_rules`.
+        reason: the reason of the revision; by default it names the rules.
         archive: as for `erase`.
         actor: who erases; by default the knowledge base's actor.
 
     Returns:
-        What was erased.
+        The erasure.
 
     Raises:
-        InvalidArgumentError: a rule is none, or needs an actor that another rule erases earlier.
+        InvalidArgumentError: a rule is wrong, or needs an actor that another rule erases earlier.
         ReadOnlyError: this is a view of the past, or the task or thread has a transaction open.
 
     Examples:

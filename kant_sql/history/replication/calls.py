@@ -120,10 +120,10 @@ def push(
 ) -> Pushed:
     """Send the revisions that another store lacks, with their numbers, times and hashes.
 
-    The target becomes a replica, which refuses local writes until it is promoted. Each batch is
-    checked against its hashes there before it is committed. An interrupted push can be resumed
-    by calling this again. The connection to the target stays open for the next call; then, if
-    there is nothing new, a push takes one statement on each side.
+    The target becomes a replica, which refuses local writes until you promote it. The push checks
+    each batch there against its hashes before it commits. Call it again to resume an interrupted
+    push. The connection to the target stays open for the next call; if there is nothing new, that
+    push takes one statement on each side.
 
     Args:
         url: the target's URL, on any dialect; a new SQLite file is created.
@@ -131,13 +131,13 @@ def push(
             one that this store names.
         adopt: whether a target that is not a replica becomes one, if it has a part of this history
             and nothing else.
-        progress: called with the last revision that the target has, and this one's last.
+        progress: called with the last revisions of the target and of this store.
 
     Returns:
         The sent revisions.
 
     Raises:
-        DivergedError: the target's history differs; the error has the first such revision.
+        DivergedError: the target's history differs; the error names the first different revision.
         ReplicaError: the target is not a replica.
         ArchivedError: an archive has some of the revisions to send.
         StoreIntegrityError: a revision does not fit its hash; nothing of its batch was written.
@@ -210,16 +210,16 @@ _FORGET_ORIGIN = set_head(
 
 
 def promote(state: State, *, reason: str | None = None, actor: str | None = None) -> int | None:
-    """Make a knowledge base of its own of a replica: from now on it is written to here.
+    """Turn a replica into a knowledge base that you can write to.
 
-    That is a revision; the origin's later revisions are refused.
+    This makes a revision. From then on it refuses new revisions of the origin.
 
     Args:
         reason: why.
         actor: who promotes; by default the knowledge base's actor.
 
     Returns:
-        The revision; None when this is not a replica.
+        The revision; None if this is not a replica.
 
     Raises:
         ReadOnlyError: this is a view of the past.

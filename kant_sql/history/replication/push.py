@@ -32,12 +32,12 @@ class Pushed(NamedTuple):
     """The result of a push.
 
     Attributes:
-        target: where to: the URL without a password.
+        target: the URL of the target, without a password.
         before: the last revision that the target had before.
         revision: the last revision that it has now.
         source_revision: the last revision of the source.
-        versions: how many versions were written or ended there.
-        remaining: where bytes of what was erased may remain there, and what removes them.
+        versions: the number of versions written or ended there.
+        remaining: where bytes of erased texts may remain there, and the command that removes them.
     """
 
     target: str
@@ -49,7 +49,7 @@ class Pushed(NamedTuple):
 
     @property
     def revisions(self) -> int:
-        """How many revisions were sent."""
+        """The number of sent revisions."""
         return self.revision - self.before
 
 

@@ -1,1 +1,1 @@
-"""How an erasure writes texts again, and what it keeps of their hashes."""
+"""How an erasure rewrites texts, and the commitments that it keeps."""

@@ -1,7 +1,7 @@
-"""Destroys texts and salts of revisions, and keeps the commitments that their hashes cover.
+"""Destroys texts and salts of revisions, and keeps the commitments covered by their hashes.
 
-Whatever takes the place of an erased text is bound by a commitment with a salt of its own: the
-digest of the erasure covers it, and gives nothing away that a later erasure destroys.
+A commitment with its own salt binds each replacement of an erased text: the digest of the erasure
+covers it, and reveals nothing that a later erasure destroys.
 """
 
 from __future__ import annotations
@@ -53,19 +53,19 @@ _SAY = {
 
 
 class Taken(NamedTuple):
-    """A part that is erased, and what takes its place."""
+    """An erased part and its replacement."""
 
     number: int
-    part: Part  # as it is kept from now on, but for the erasure
-    salt: bytes | None  # of what takes its place; None if that is in an archive
-    replacement: str  # the commitment to that
+    part: Part  # the row to keep, without the erasure
+    salt: bytes | None  # the salt of the replacement; None if that is in an archive
+    replacement: str  # the commitment to the replacement
     is_new: bool  # whether the revision had no parts before
-    superseded: str | None  # the commitment to what was there, if that was a replacement
+    superseded: str | None  # the commitment to the old text, if that was a replacement
 
 
 def next_salt(salt: bytes) -> bytes:
-    """Derive the salt of what takes a place from that of what was there, which is destroyed."""
-    # A store that was not erased in yet derives it as well.
+    """Derive the salt of a replacement from the destroyed salt of the old text."""
+    # A store that has not erased yet derives the same.
     return sha256(b"replacement" + salt).digest()[:SEED]
 
 
@@ -87,17 +87,17 @@ class Destroyer:
     ) -> None:
         self._session = session
         self._kb = kb_id
-        # Where what is left is written.
+        # The store that gets the commitments.
         self._into = (session, kb_id) if into is None else into
         self._name = name
         self._taken: list[Taken] = []
         self._salts: dict[tuple[int, int], bytes] = {}
-        self.form_1 = 0  # how many revisions of form 1 it has met
+        self.form_1 = 0  # the number of revisions of form 1
 
     def destroy(self, old: Mapping[ChangeKey, str], said: Mapping[int, Mapping[str, str]]) -> None:
-        """Keep the commitments to old texts, in place of their salts."""
-        # `old` has the old texts of changes, whose new ones are in the tables already, and `said`
-        # what takes the place of the actor, the reason or the source of revisions.
+        """Keep the commitments to old texts instead of their salts."""
+        # `old` has the old texts of changes, whose new ones are already in the tables, and `said`
+        # the replacements of the actors, reasons or sources of revisions.
         by_number: defaultdict[int, dict[Any, str]] = defaultdict(dict)
         for (number, *key), text in old.items():
             by_number[number][tuple(key)] = text
@@ -148,7 +148,7 @@ class Destroyer:
     def _destroy_whole(
         self, link: Link, before: list[Row], after: list[Row], new: Mapping[str, str]
     ) -> None:
-        """Keep the hash of a revision of form 1, of which no part can be kept."""
+        """Keep the hash of a revision of form 1, whose parts have no commitments."""
         previous = hash_of(self._session, self._kb, link.number - 1)
         of = previous, self._name, link.number, link.committed_at
         own: dict[str, Any] = {**new}
@@ -183,7 +183,7 @@ class Destroyer:
         return part
 
     def _has(self, number: int, part: Part) -> bool:
-        """Return whether what takes the place of a part is where what is left is written."""
+        """Return whether the replacement of a part is in the store that gets the commitments."""
         return True
 
     def _damaged(self, link: Link) -> StoreIntegrityError:
@@ -195,16 +195,16 @@ class Destroyer:
 
     @property
     def parts(self) -> int:
-        """How many texts are erased."""
+        """The number of erased texts."""
         return len(self._taken)
 
     @property
     def revisions(self) -> int:
-        """In how many revisions they are."""
+        """The number of their revisions."""
         return len({each.number for each in self._taken})
 
     def digest(self) -> str:
-        """Hash the commitments to what is erased and to what takes their places."""
+        """Hash the commitments to the erased texts and to their replacements."""
         digest = sha256()
         for each in sorted(self._taken, key=lambda one: (one.number, one.part.position)):
             add_part(digest, each.number, each.part, each.replacement)
@@ -246,7 +246,7 @@ _STAND = Query(
 
 
 def _standing(session: Session, kb_id: int, numbers: list[int]) -> dict[tuple[int, int], bytes]:
-    """Return the salts of what took the place of erased parts, and is there now."""
+    """Return the salts of present replacements of erased parts."""
     rows = session.rows(_STANDING, kb=kb_id, numbers=session.list_value(numbers))
     return {(number, position): salt for number, position, salt in rows}
 
@@ -254,7 +254,7 @@ def _standing(session: Session, kb_id: int, numbers: list[int]) -> dict[tuple[in
 def standing_commitments(
     session: Session, kb_id: int, name: str, upto: int
 ) -> dict[tuple[int, int], str]:
-    """Return the commitments to what took the place of erased parts, and is there now."""
+    """Return the commitments to present replacements of erased parts."""
     found: dict[tuple[int, int], str] = {}
     for numbers in batches([row[0] for row in session.rows(_STAND, kb=kb_id, upto=upto)]):
         lines = lines_by_revision(keyed_changes_of(session, kb_id, numbers))
@@ -272,7 +272,7 @@ def standing_commitments(
 def leave_commitments(
     session: Session, kb_id: int, name: str, upto: int, before: Mapping[tuple[int, int], str]
 ) -> None:
-    """Keep the commitments to what is in an archive now, in place of their salts."""
+    """Keep the commitments to archived replacements instead of their salts."""
     now = standing_commitments(session, kb_id, name, upto)
     given = [
         {"kb": kb_id, "own_number": number, "own_position": position, "digest": commitment}

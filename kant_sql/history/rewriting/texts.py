@@ -1,4 +1,4 @@
-"""Gives an object another name: every text that has the old one is written again from its rows."""
+"""Renames an object: rewrites every text with the old name from its rows."""
 
 from __future__ import annotations
 
@@ -43,26 +43,26 @@ ChangeKey = tuple[int, str, str, int, int]
 
 
 class Renaming(NamedTuple):
-    """An object, what it was called and what it is called from now on."""
+    """An object with its old and its new name."""
 
     id: int
     name: str
     pseudonym: str
 
     def in_text(self, text: str | None) -> str | None:
-        """Replace the name where it stands in a text as a whole name."""
+        """Replace the name in a text where it is a whole name."""
         return None if text is None else _whole(self.name).sub(self.pseudonym, text)
 
     def is_in(self, *texts: str | None) -> bool:
-        """Return whether one of some texts has the name."""
+        """Return whether one of some texts contains the name."""
         return any(has_word(text, self.name) for text in texts if text is not None)
 
 
 def spellings(name: str) -> list[str]:
-    """Return how texts may spell a name, but for the case of single letters, also as JSON."""
+    """Return the spellings of a name in texts and in JSON, except for the case of letters."""
     cased = {name} if name.isascii() else {name, name.casefold(), name.upper()}
     spelled = {normalize(form, each) for each in cased for form in ("NFC", "NFD")}
-    # JSON may write other letters than those of ASCII as they are, or as \u00fc.
+    # JSON may write letters outside of ASCII as they are, or as \u00fc.
     return sorted(spelled | {write(each)[1:-1] for each in spelled for write in _JSON})
 
 
@@ -76,7 +76,7 @@ def _whole(name: str) -> re.Pattern[str]:
 
 
 def has_word(text: str, name: str) -> bool:
-    """Return whether a name stands in a text as a whole name."""
+    """Return whether a text contains a name as a whole name."""
     return _whole(name).search(text) is not None
 
 
@@ -88,7 +88,7 @@ _OUTCOMES, _PLANS = table_of(t.ExecutionVersionRow), table_of(t.PlanRow)
 _OBJECTS, _ITEMS = t.TABLES["object"], t.TABLES["document_item"]
 _LIVED = t.TABLES["object_version"].c
 WITH_TREES = "action", "formula", "rule"
-# What people and planners wrote, which may have the name in it.
+# Texts by people and planners, which may contain the name.
 _FREE = (_EXECUTIONS, ("name",)), (_GIVEN, ("value",)), (_OUTCOMES, ("code", "message"))
 _FREE_OF_PLANS = (
     *("planner", "planner_version", "objective", "status"),
@@ -102,7 +102,7 @@ _IS_IT = (
     _LIVED.since <= _PLANS.c.revision,
     or_(_LIVED.until.is_(None), _LIVED.until > _PLANS.c.revision),
 )
-# The plans that were made from a state with the object.
+# Plans made from a state with the object.
 _PLANS_WITH = Query(
     select(_PLANS.c.id).where(_PLANS.c.kb_id == KB, select(_LIVED.since).where(*_IS_IT).exists())
 )
@@ -119,7 +119,7 @@ def _of(table: Table, owner: str, *names: str, **also: int) -> Query:
 
 @cache
 def _mentions(table: Table, *owner: str) -> Query:
-    """Read the owners of what mentions the object."""
+    """Read the owners of rows that mention the object."""
     is_it = table.c.kb_id == KB, table.c.object_id == _OBJECT
     return Query(select(*(table.c[name] for name in owner)).where(*is_it).distinct())
 
@@ -148,15 +148,15 @@ class TextWriter:
     _kb: int
     _name: str
     _to: Renaming
-    # Called with all that is set, and with the statement.
+    # Called with the new values, and with the statement.
     _also: Callable[[Table, Query, list[dict[str, Any]]], None] | None = None
-    # The texts that changes had before, of those whose texts are others now.
+    # The old texts of changes whose texts differ now.
     old: dict[ChangeKey, str] = field(default_factory=dict)
-    # What places of documents say: of a formula its hash, of a ground goal its text.
+    # The names in places of documents: of a formula its hash, of a ground goal its text.
     _items: dict[str, str] = field(default_factory=dict)
 
     def run(self) -> None:
-        """Rename it, and write all texts again."""
+        """Rename it, and rewrite all texts."""
         id_, _, pseudonym = self._to
         self._set(_OBJECTS, [({"id": id_}, {"name": pseudonym, "key": fold(pseudonym)})])
         names = self._names()
@@ -168,7 +168,7 @@ class TextWriter:
             self._fact_changes(rows, texts)
         for _, texts in self._atoms(_FLUENTS, _PLACES, "function"):
             self._values(texts)
-        # Fluents of other objects, which were this one.
+        # Fluents of other objects whose value was this one.
         tables = _VALUES, _SAID_VALUES
         others = {row[0] for each in tables for row in self._mentions(each, "function_value_id")}
         for ids in batches(sorted(others)):
@@ -177,7 +177,7 @@ class TextWriter:
         self._plans(self._executions(names))
 
     def run_atoms(self) -> None:
-        """Write the texts of facts and fluents again, also of those that have no version."""
+        """Rewrite the texts of facts and fluents, including those without a version."""
         for tables in ((_FACTS, _ARGUMENTS, "predicate"), (_FLUENTS, _PLACES, "function")):
             deque(self._atoms(*tables), maxlen=0)
 
@@ -200,7 +200,7 @@ class TextWriter:
         return dict(self._rows(_of(_OBJECTS, "id", "id", "name"), known))
 
     def _set(self, table: Table, rows: list[tuple[dict[str, Any], dict[str, Any]]]) -> None:
-        """Set columns of rows, which are named by their keys."""
+        """Set columns of rows, by their keys."""
         if not rows:
             return
         key, values = rows[0]
@@ -220,13 +220,13 @@ class TextWriter:
     def _note(
         self, since: int, until: int | None, kind: str, old: str, owner: int, place: int = 0
     ) -> None:
-        """Keep the old text of a version, which is that of two changes."""
+        """Keep the old text of a version, for its two changes."""
         self.old[since, ASSERTED, kind, owner, place] = old
         if until is not None:
             self.old[until, RETRACTED, kind, owner, place] = old
 
     def _names(self) -> Definitions:
-        """Return the names of all elements; of objects, those in formulas, rules and actions."""
+        """Return the names of all elements; for objects, those in formulas, rules and actions."""
         made: list[dict[int, str]] = []
         for kind in KINDS:
             identity = KIND_TABLES[kind].identity
@@ -240,7 +240,7 @@ class TextWriter:
         return names_alone(made)
 
     def _definitions(self, kind: str, owners: Sequence[int], names: Definitions) -> None:
-        """Write the texts of all versions of some definitions again."""
+        """Rewrite the texts of all versions of some definitions."""
         tables, changed, renamed = KIND_TABLES[kind], [], {}
         version, owner = tables.version, tables.version.owner.name
         called: dict[int, str] = dict(self._rows(_of(tables.identity, "id", "id", "name"), owners))
@@ -268,7 +268,7 @@ class TextWriter:
     def _atoms(
         self, identity: Table, arguments: Table, kind: str
     ) -> Iterator[tuple[list[dict[str, Any]], dict[int, str]]]:
-        """Write the texts of facts or fluents again; yield their rows and new texts, in batches."""
+        """Rewrite the texts of facts or fluents; yield their rows and new texts, in batches."""
         owner = arguments.primary_key.columns.values()[1].name
         heads = KIND_TABLES[kind].identity
         of: dict[int, str] = dict(self._session.rows(_all(heads, "id", "name"), kb=self._kb))
@@ -296,7 +296,7 @@ class TextWriter:
         self._sayings(_SAID, texts, lambda row: texts[row["proposition_id"]])
 
     def _values(self, texts: dict[int, str]) -> None:
-        """Write the texts of the values of fluents again."""
+        """Rewrite the texts of the values of fluents."""
         held, said = (self._dicts(table, _VALUE, texts) for table in (_VALUES, _SAID_VALUES))
         names = self._called(row["object_id"] for row in (*held, *said))
 
@@ -318,7 +318,7 @@ class TextWriter:
     def _sayings(
         self, table: Table, ids: Iterable[int], said: Callable[[dict[str, Any]], str]
     ) -> None:
-        """Write the texts again of what was said of a time that was over."""
+        """Rewrite the texts of sayings."""
         owner = table.primary_key.columns.values()[1].name
         changed = []
         for row in self._dicts(table, owner, ids):
@@ -333,7 +333,7 @@ class TextWriter:
         self._set(table, changed)
 
     def _documents(self, names: Definitions) -> None:
-        """Rename the places of documents, and write the texts of those again."""
+        """Rename the places of documents, and rewrite the texts of these documents."""
         changed, owners = [], set()
         key = "document_id", "since", "section", "position"
         for *own, name in self._session.rows(_all(_ITEMS, *key, "name"), kb=self._kb):
@@ -347,7 +347,7 @@ class TextWriter:
         self._definitions("document", sorted(owners), names)
 
     def _executions(self, names: Definitions) -> set[int]:
-        """Write the texts of executions again; return the plans of which they are steps."""
+        """Rewrite the texts of executions; return their plans."""
         key = "plan_id", "position"
         keys: set[Key] = {(row[0], row[1]) for row in self._mentions(_GIVEN, *key)}
         for table, columns in _FREE:
@@ -394,7 +394,7 @@ class TextWriter:
     def _outcomes(
         self, rows: list[Row], key: Key, recorded: int, made: ExecutionDefinition
     ) -> None:
-        """Write the texts of the outcomes of an execution again."""
+        """Rewrite the texts of the outcomes of an execution."""
         changed = []
         for _, _, since, until, kind, outcome, code, message, *times, text in rows:
             if kind == PLAN_STEP:
@@ -409,7 +409,7 @@ class TextWriter:
         self._set(_OUTCOMES, changed)
 
     def _plans(self, plans: set[int]) -> None:
-        """Write plans again with such steps, such texts, or made from a state with the object."""
+        """Rewrite plans with such steps or texts, or made from a state with the object."""
         session, kb = self._session, self._kb
         plans |= {row[0] for row in session.rows(_PLANS_WITH, kb=kb, object=self._to.id)}
         free = _all(_PLANS, "id", *_FREE_OF_PLANS, given=_FREE_OF_PLANS)
@@ -431,7 +431,7 @@ class TextWriter:
                 self._set(_PLANS, [({"id": id_}, {name: getattr(plan, name) for name in names})])
 
     def _problem_hash(self, plan: PlanDefinition) -> str:
-        """Hash what the planner would be given now: from the old one, the name could be guessed."""
+        """Hash the planner's input of now: the old hash would allow guesses of the name."""
         given: tuple[str | None, ...] = (plan.domain_pddl, plan.problem_pddl)
         if None in given:
             from ...documents.exchange import given_texts

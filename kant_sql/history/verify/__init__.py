@@ -1,4 +1,4 @@
-"""Verification: the tables against the chain of hashes."""
+"""Verification: compares the tables with the chain of hashes."""
 
 from __future__ import annotations
 

@@ -26,9 +26,9 @@ class Finding(NamedTuple):
     """A fault.
 
     Attributes:
-        revision: the first revision that it makes wrong; None when it belongs to none.
-        table: the table; None when several may be meant.
-        message: what differs.
+        revision: the first affected revision; None if no single revision is to blame.
+        table: the table; None if no single table is to blame.
+        message: the difference.
     """
 
     revision: int | None

@@ -138,19 +138,20 @@ class Verification:
 
     Attributes:
         knowledge_base: the name.
-        revisions: how many revisions were checked.
-        changes: how many changes were hashed.
+        revisions: the number of checked revisions.
+        changes: the number of hashed changes.
         findings: the faults, by revision.
         archives: the archives and their contents, in words.
         erasures: the erasures and their revisions, in words.
-        anchored: the revision that was compared with an anchor; None when none was.
-        continued_from: the revision up to which an earlier verification had found it intact, and
-            which this one continued; None when it began at revision 1.
-        continued_at: when that was, in UTC.
-        complete_at: when a verification that began at revision 1 was last kept before this one.
-        is_kept: whether the next verification can continue this one; None when that was not asked.
-        keep_error: why that could not be kept; of one that is not intact, why the end of an earlier
-            one could not be forgotten.
+        anchored: the revision that was compared with an anchor, or None.
+        continued_from: the last revision of the continued verification; None if it began at
+            revision 1.
+        continued_at: the time of that verification, in UTC.
+        complete_at: the time of the last kept verification that began at revision 1, before this
+            one.
+        is_kept: whether the next verification can continue this one; None without `keep`.
+        keep_error: why the last verified revision could not be stored, or, after a finding, the
+            stored one not removed.
     """
 
     _json_ = (
@@ -173,7 +174,7 @@ class Verification:
 
     @property
     def is_intact(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether there are no findings."""
         return not self.findings
 
     def _repr_html_(self) -> str:
@@ -202,23 +203,23 @@ def verify(
 ) -> Verification:
     """Recompute every hash from the tables, and compare all redundant data.
 
-    With `keep`, where an intact verification ended is kept in the store; with `resume`, the
-    next one continues there. It checks what later revisions wrote, and does not find
-    what was altered since in rows of earlier ones: verify all of it from time to time. Who may
-    write the table `verification` can also make it say more than was verified.
+    With `keep`, the store keeps the last revision of an intact verification; with `resume`, the
+    next one continues there. It checks the rows of later revisions, and does not find alterations
+    of earlier ones: run a complete verification from time to time. Anyone who may write the table
+    `verification` can forge the kept revision.
 
     Args:
         anchor: an earlier result of `anchor()`, kept elsewhere.
-        progress: called with the number of items checked, and the number in total.
+        progress: called with the number of checked items, and their total.
         structure: also check indexes, constraints and views. All knowledge bases of a store
-            share them, so one check per store is enough. Indexes are left out when an earlier
-            verification is continued.
-        resume: continue where the last verification that was kept ended, if it is still there.
-        keep: keep where this one ends, if nothing is wrong; else forget what was kept, so that
-            the next one begins at revision 1. Who may only read keeps nothing.
+            share them, so one check per store is enough. A continued verification skips the
+            indexes.
+        resume: continue after the kept revision, if there is one.
+        keep: keep the last verified revision, if there are no findings; otherwise remove the kept
+            one, so that the next verification begins at revision 1. A read-only user keeps nothing.
 
     Returns:
-        What was checked and what is wrong: the first revision, and the differences.
+        The findings, each with the first affected revision and the difference.
 
     Raises:
         ReadOnlyError: the task or thread has a transaction open.

@@ -1,4 +1,4 @@
-"""The backends, and which of them a database URL names."""
+"""The backends, by database URL."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ BACKENDS = {
 
 
 def dialect_name(url: str) -> str:
-    """Read which dialect a database URL names."""
+    """Return the dialect that a database URL names."""
     return parse_url(url).get_backend_name()
 
 
 def parse_url(url: str) -> URL:
-    """Read a database URL; the path of an existing file is that of its SQLite store."""
+    """Read a database URL; the path of an existing file means its SQLite store."""
     parsed = _parse(url)
     if parsed is None:
         raise InvalidUrlError(
@@ -33,16 +33,16 @@ def parse_url(url: str) -> URL:
             "postgresql://user@host/database"
         )
     if parsed.password is not None and "@" in f"{parsed.host}{parsed.database}":
-        # Its second half would pass for the host, and be shown.
+        # The second half of a password would pass for the host, and be shown.
         raise InvalidUrlError("an @ in the password of a database URL is written as %40")
     name, plus, driver = parsed.drivername.partition("+")
     return parsed.set(drivername=f"postgresql{plus}{driver}") if name == "postgres" else parsed
 
 
 def _parse(url: object) -> URL | None:
-    """Parse a URL; None if it is none. The parser's own error may hold a password."""
+    """Parse a URL; None if it is not one. The parser's own error may contain a password."""
     try:
-        # What no driver could be given is not a URL either.
+        # A URL that no driver accepts is not a URL either.
         if not isinstance(url, str) or "\0" in url or not url.encode():
             return None
         if "://" not in url and os.path.isfile(url):
@@ -53,7 +53,7 @@ def _parse(url: object) -> URL | None:
 
 
 def backend_name(url: str) -> str:
-    """Read which backend a database URL names."""
+    """Return the backend that a database URL names."""
     name = dialect_name(url)
     if name not in BACKENDS:
         known = " or ".join(BACKENDS)

@@ -1,4 +1,4 @@
-"""What a dialect provides: connections, sessions, locks, bulk inserts, errors, notifications."""
+"""The interface of a dialect: connections, sessions, locks, inserts, errors, notifications."""
 
 from __future__ import annotations
 
@@ -44,19 +44,19 @@ Row = tuple[Any, ...]
 
 
 class Overlay(Protocol):
-    """What a session reads in the place of some tables.
+    """Replaces some tables in the statements of a session.
 
     Attributes:
-        oldest: the first revision that it is read from.
+        oldest: the first revision that it reads.
     """
 
     oldest: int
 
     def text(self, sql: str, dialect: Dialect, words: Words) -> str:
-        """Put it in the place of the tables that a statement names."""
+        """Replace the tables that a statement names."""
 
     def parameters(self, session: Session) -> dict[str, Any]:
-        """Return the parameters that this adds to those of a statement."""
+        """Return the additional parameters."""
 
 
 class OverlayCursor:
@@ -73,7 +73,7 @@ class OverlayCursor:
         return self._cursor.execute(*self.overlaid(sql, parameters))
 
     def overlaid(self, sql: str, parameters: Any) -> tuple[str, Any]:
-        """Return the statement and the parameters that the driver gets."""
+        """Return the statement and the parameters for the driver."""
         text = self._overlay.text(sql, self._dialect, self._words)
         if text != sql or RAW in text:
             parameters = {**dict(parameters), **self._parameters}
@@ -97,16 +97,16 @@ class Roles(NamedTuple):
     """Four roles; users get their rights as members.
 
     Attributes:
-        writer: the role that adds revisions and cannot change past ones; None where the tables are
-            distributed.
+        writer: the role that adds revisions and cannot change past ones; None for distributed
+            tables.
         reader: the role that reads tables and views.
         auditor: the role that reads views.
-        eraser: the role that may erase as well as write; None where there is no writer.
-        schema: the schema of the auditor's views, where it is not that of the tables.
-        knowledge_base: the one that they are limited to; None for all.
+        eraser: the role that may write and erase; None without a writer.
+        schema: the schema of the auditor's views, if it is not that of the tables.
+        knowledge_base: the knowledge base that they are limited to; None for all.
         statements: the SQL that creates or updates them.
-        remaining: the SQL that revokes from PUBLIC what these roles must not have, and that needs
-            more rights than the caller has.
+        remaining: the SQL that revokes rights from PUBLIC that these roles must not have, for
+            somebody with more rights than the caller.
     """
 
     writer: str | None
@@ -134,7 +134,7 @@ class Listener(ABC):
         """
 
     def guarded(self, work: Callable[[], T]) -> T:
-        """Run a read during which this process is not forked."""
+        """Run a read; a fork of this process waits for it."""
         return work()
 
     @abstractmethod
@@ -143,7 +143,7 @@ class Listener(ABC):
 
 
 class WriterLock(Protocol):
-    """What a writer of this process waits for before it takes a connection."""
+    """The lock that writers of this process wait for before they take a connection."""
 
     def acquire(self, *, timeout: float) -> bool:
         """Wait for a turn; return whether it came in time."""
@@ -153,7 +153,7 @@ class WriterLock(Protocol):
 
 
 class Shared(Protocol):
-    """What keeps something for the threads of a process."""
+    """An object that the threads of a process share."""
 
     def forked(self) -> None:
         """Start over in a forked child process."""
@@ -189,16 +189,16 @@ class Commits:
 # Logs every statement at DEBUG; the tests count them here.
 statement_log = logging.getLogger("kant_sql.sql")
 if statement_log.level == logging.NOTSET:
-    # Else a program that sets the root logger to DEBUG, or to NOTSET, gets each statement: on a
-    # store in memory, a save took 2.7 times as long. The loggers of pools are below this one, and
-    # at INFO they would write of each connection where the root's level kept them silent.
+    # Otherwise a program that sets the root logger to DEBUG, or to NOTSET, gets each statement: on
+    # a store in memory, a save took 2.7 times as long. The loggers of pools are below this one, and
+    # at INFO they would log each connection although the root's level silences them.
     statement_log.setLevel(logging.WARNING)
 
 FETCH_SIZE = 5_000
 LONGEST_LOGGED = 200
 
 
-# So many rows are inserted by one statement: drivers take longer to run one for each.
+# Rows per INSERT statement: drivers take longer to run one for each row.
 FEW_ROWS = 4
 
 
@@ -209,10 +209,10 @@ class Session(ABC):
 
     Attributes:
         backend: the database.
-        keeps_limit: whether the connection keeps a question's limit until it is told another.
+        keeps_limit: whether the connection keeps a question's limit until it gets another.
         is_abandoned: whether the connection belongs to the parent process, after a fork.
-        is_logged: whether its statements are logged; asked once for each use of it.
-        overlay: what its statements read in the place of some tables; None for the tables.
+        is_logged: whether to log its statements; read once for each use.
+        overlay: replaces some tables in its statements; None for the tables.
     """
 
     placeholder = "?"
@@ -232,9 +232,9 @@ class Session(ABC):
         backend.sessions[self] = threading.get_ident()
 
     def obey(self, limit: Limit | None) -> None:
-        """Let what follows obey a limit, until the transaction is rolled back or the session ends.
+        """Apply a limit, until the transaction is rolled back or the session ends.
 
-        None is for a session that obeys none.
+        None means no limit.
         """
         if limit is not None:
             guard = self._guard = StatementGuard(limit, self._cursor, self._stop)
@@ -242,7 +242,7 @@ class Session(ABC):
             guard.join()
 
     def _end_limit(self) -> None:
-        """Let what follows obey no limit; nothing is stopped any more once this returns."""
+        """End the limit; after this returns, nothing is stopped."""
         guard = self._guard
         if guard is not None:
             self._guard = None
@@ -253,23 +253,23 @@ class Session(ABC):
 
     @abstractmethod
     def _unlimited(self, guard: StatementGuard) -> None:
-        """Clear what the end of a limit has left on the connection."""
+        """Clear the connection after the end of a limit."""
 
     def _guarded(self, cursor: Any) -> Any:
-        """Let another cursor of this connection obey the limit, if there is one."""
+        """Apply the limit, if any, to another cursor of this connection."""
         if self._guard is not None:
             cursor = GuardedCursor(cursor, self._guard)
         return cursor if self.overlay is None else OverlayCursor(cursor, self, self.overlay)
 
     @property
     def words(self) -> Words:
-        """How generated conditions are written for what it reads."""
+        """The words of generated conditions for the tables or the overlay."""
         words = self.backend.words
         return words if self.overlay is None else words._replace(is_one_state=True)
 
     @contextmanager
     def overlaid(self, overlay: Overlay) -> Iterator[None]:
-        """Let the statements of a `with` block read an overlay."""
+        """Apply an overlay to the statements of a `with` block."""
         plain: Any = self._cursor
         self.overlay, self._cursor = overlay, OverlayCursor(plain, self, overlay)
         try:
@@ -281,7 +281,7 @@ class Session(ABC):
 
     @abstractmethod
     def _stop(self) -> None:
-        """Ask the database to end the statement that runs; another thread calls this."""
+        """Ask the database to end the running statement; another thread calls this."""
 
     def rows(self, query: Query, **parameters: Any) -> list[Row]:
         """Run a query and fetch all rows."""
@@ -295,7 +295,7 @@ class Session(ABC):
         return rows[0] if rows else None
 
     def run(self, query: Query, **parameters: Any) -> int:
-        """Run a statement without rows; return how many it changed."""
+        """Run a statement without rows; return the number of changed rows."""
         self._execute(query, parameters)
         return self._cursor.rowcount
 
@@ -309,7 +309,7 @@ class Session(ABC):
         return 0
 
     def run_for(self, query: IdsQuery, ids: Sequence[int], **parameters: Any) -> None:
-        """Run a statement for each of some ids."""
+        """Run a statement for each id."""
         self.run_many(query.each, [{"id": id_, **parameters} for id_ in ids])
 
     def define(self, statement: str) -> None:
@@ -328,7 +328,7 @@ class Session(ABC):
             self._execute_many(insert_text(into, self.placeholder), rows)
 
     def together(self) -> AbstractContextManager[None]:
-        """Let a server insert the few rows of the inserts of a block by one statement."""
+        """Let a server insert the few rows of a block with one statement."""
         return nullcontext()
 
     def begin(self, write: bool) -> None:
@@ -336,7 +336,7 @@ class Session(ABC):
         self._execute(self.backend.begin_write if write else self.backend.begin_read)
 
     def commit(self, changed: int | None = None) -> None:
-        """Commit the transaction; `changed` is the knowledge base that got a revision."""
+        """Commit the transaction; `changed` is the knowledge base with a new revision."""
         self._commit(changed)
 
     def _commit(self, changed: int | None) -> None:
@@ -378,7 +378,7 @@ class Session(ABC):
         if self.is_current or self.is_abandoned:
             self._pooled.close()
             if not (self.is_current or self.is_abandoned):
-                # It was closed at that moment, and would keep what came back.
+                # It was closed at that moment, and would keep the returned connection.
                 self._pool.dispose()
         else:
             # The pool was closed while this was in use.
@@ -398,13 +398,13 @@ class Session(ABC):
         self.define(self.backend.durable)
 
     def overwrite_deleted(self) -> None:  # noqa: B027 (a server's pages are written again later)
-        """Overwrite what is deleted from now on, where the database would leave its bytes."""
+        """Overwrite rows deleted from now on, if the database would leave their bytes."""
 
     def replan(self) -> None:  # noqa: B027 (only servers cache plans)
         """Discard cached plans before a large write."""
 
     def planned_now(self) -> AbstractContextManager[None]:
-        """Plan statements for the tables as they are, not as they were when these ran first."""
+        """Plan statements for the present tables, not for those of their first run."""
         return nullcontext()
 
     def lock_definitions(self) -> None:  # noqa: B027 (an exclusive transaction needs none)
@@ -424,38 +424,38 @@ class Session(ABC):
 
     @abstractmethod
     def from_time(self, moment: datetime, text: str | None = None) -> Any:
-        """Return the driver's form of a time; `text` is its text, if that is known."""
+        """Return the driver's form of a time; `text` is its text, if known."""
 
     @abstractmethod
     def to_time(self, raw: Any) -> datetime:
         """Read the driver's form of a time, in UTC."""
 
     def rows_of(self, sql: str) -> list[Row]:
-        """Run a query given as text, without parameters."""
+        """Run a textual query without parameters."""
         return self.rows(raw(sql))
 
     @abstractmethod
     def describe(self, names: Collection[str]) -> Iterator[Statement]:
-        """Describe some tables and views as they are, and what belongs to them."""
+        """Describe some live tables and views, with all that belongs to them."""
 
     @abstractmethod
     def index_faults(self, tables: Sequence[str]) -> Iterator[IndexFault]:
-        """Compare the indexes of some tables, of all knowledge bases, with the tables."""
+        """Compare the indexes of some tables with the tables, for all knowledge bases."""
 
     def wrong_values(self, tables: tuple[Table, ...], kb_id: int) -> Iterator[tuple[str, str, int]]:
-        """Count values that are not of their column's type: table, column and how many."""
-        # A database with strict types has none.
+        """Count values of a wrong type: table, column and number."""
+        # Only for databases without strict types.
         return iter(())
 
     def plan_for_all(self) -> None:  # noqa: B027 (only cursors of a server need it)
-        """Plan what this transaction streams for all of its rows, not for the first ones."""
+        """Plan streamed queries of this transaction for all rows, not for the first ones."""
 
     def query_of_view(self, name: str, kb_id: int) -> str | None:
-        """Return a query of a view's rows of one knowledge base, where the view would not do."""
+        """Return a query of a view's rows of one knowledge base, if the view is too slow."""
         return None
 
     def translate(self, error: Exception) -> StoreError:
-        """Translate a driver's error, and say why a statement was ended."""
+        """Translate a driver's error; for an ended statement, add the reason."""
         made, guard = self.backend.translate(error), self._guard
         if guard is None or not isinstance(made, StatementTimeoutError):
             return made
@@ -513,26 +513,26 @@ def log_statement(sql: str, started: float) -> None:
 
 
 class Backend(ABC):
-    """A database that a URL names. Safe to share between threads; it survives a fork.
+    """The database of a URL. Threads may share it; it survives a fork.
 
     Attributes:
         sessions: the open sessions, each with the thread that uses it.
-        has_answered: whether a server has answered before, so that it may come back.
+        has_answered: whether a server has answered before, so it may come back.
         is_closed: whether it was closed.
         is_read_only: whether the database refuses all writes of these connections.
-        most_connections: how many connections to a server there may be, besides that of listeners;
-            None where the backend decides.
+        most_connections: the maximum number of connections to a server, besides that of listeners;
+            None if the backend decides.
         has_one_connection: whether all threads take turns on one connection.
-        sharers: what is called in a forked child process, while it is in use.
-        when_closed: called when it is closed, to close what was opened for its sake.
-        is_server: whether it is a server, which is shown credentials.
-        patience: seconds that a call waits for another writer to end.
-        no_roles: why there are no roles, and what to do instead; None where there are.
-        revision_comes_last: whether the row of a revision is written last, so that row policies
-            take its versions for past.
+        sharers: shared objects to reset in a forked child process.
+        when_closed: functions to call when it is closed.
+        is_server: whether it is a server, which gets credentials.
+        patience: seconds that a call waits for another writer.
+        no_roles: why there are no roles, and the alternative; None if there are.
+        revision_comes_last: whether the row of a revision is written last: with it, row policies
+            treat its versions as past.
         durable: the statement that makes later commits of a connection survive a power cut.
-        views: how generated views are written and found.
-        words: how generated conditions are written.
+        views: writes and finds generated views.
+        words: the words of generated conditions.
     """
 
     has_answered = False
@@ -579,7 +579,7 @@ class Backend(ABC):
         return self.url.render_as_string(hide_password=False)
 
     def copy_to(self, file: Path, progress: Callable[[int, int], None] | None) -> None:
-        """Copy the whole database into an empty file, as it is at one moment."""
+        """Copy the whole database, at one moment, into an empty file."""
         name, given = self.url.get_backend_name(), self.url
         url = URL.create(name, given.username, None, given.host, given.port, given.database)
         command = f"pg_dump --format=custom --file=FILE {shlex.quote(str(url))}"
@@ -588,11 +588,11 @@ class Backend(ABC):
         )
 
     def reader(self) -> Session:
-        """Take a connection for questions, which obey the limit of this context."""
+        """Take a connection for questions, under the limit of this context."""
         return self.session(LIMIT.get())
 
     def session(self, limit: Limit | None = None) -> Session:
-        """Take a connection: without a limit for writing, or for what no limit concerns."""
+        """Take a connection without a limit, for writes and internal reads."""
         if limit is not None:
             limit.check()
         session = self.connected()
@@ -611,12 +611,12 @@ class Backend(ABC):
         return self.wrap(self.take(self.engine))
 
     def refuse_closed(self) -> None:
-        """Raise when it is closed."""
+        """Raise if it is closed."""
         if self.is_closed:
             raise self.closed_error()
 
     def closed_error(self) -> ClosedError:
-        """Build the error of a call on what was closed."""
+        """Make the error for a call on a closed store."""
         return ClosedError(f"{self.label}: this knowledge base was closed; connect again")
 
     def take(self, engine: Engine) -> PoolProxiedConnection:
@@ -641,16 +641,16 @@ class Backend(ABC):
         return closing(self.session())
 
     def close(self) -> None:
-        """Close all connections, even if one of them raises."""
+        """Close all connections, even if closing one raises."""
         self.is_closed = True
         closers, self.when_closed = self.when_closed, []
         with ExitStack() as steps:
-            # The last one comes first.
+            # In reverse order.
             for step in (self.engine.dispose, *closers):
                 steps.callback(step)
 
     def examine_fork(self) -> None:  # noqa: B027 (only some drivers do not survive every fork)
-        """Note, in a child process, whether the parent left the database in a usable state."""
+        """Note in a child process whether the database is usable after the fork."""
 
     def forked(self) -> None:
         """Start over in a child process: the connections belong to the parent."""
@@ -666,7 +666,7 @@ class Backend(ABC):
         self.engine.dispose(close=False)
 
     def exists(self) -> bool:
-        """Return whether there is a database, where connecting would create it."""
+        """Return whether there is a database, if connecting would create it."""
         return True
 
     def remove(self, mark: Query) -> bool:
@@ -674,7 +674,7 @@ class Backend(ABC):
         return False
 
     def wipe(self) -> tuple[str, ...]:
-        """Remove bytes of what was erased; say where some may remain, and what removes them."""
+        """Remove bytes of erased texts; return where some may remain, and how to remove them."""
         return ()
 
     def create_roles(self, knowledge_base: str | None, dry_run: bool) -> Roles:
@@ -682,25 +682,25 @@ class Backend(ABC):
         raise StoreError(f"{self.label}: {self.no_roles}")
 
     def layout_fault(self) -> str | None:
-        """Say what is wrong with a store whose tables are on several servers; None for nothing."""
+        """Return the fault of a store with tables on several servers, or None."""
         return None
 
     @staticmethod
     def migrating(connection: Connection, label: str) -> AbstractContextManager[None]:
-        """Let migrations create tables where those of the store are."""
+        """Let migrations create tables in the place of the store's."""
         return nullcontext()
 
     @staticmethod
     def roles_set_aside(connection: Connection) -> AbstractContextManager[None]:
-        """Drop what belongs to roles for the length of a migration, and create it again."""
+        """Drop policies and views of roles during a migration, and recreate them."""
         return nullcontext()
 
     def renew(self) -> None:  # noqa: B027 (connections to a file are not lost)
-        """Distrust existing connections, after one was lost."""
+        """Replace existing connections on next use, after one was lost."""
 
     @abstractmethod
     def create_engine(self) -> Engine:
-        """Create the engine whose pool the sessions use."""
+        """Create the engine with the pool of the sessions."""
 
     @abstractmethod
     def wrap(self, connection: Any) -> Session:
@@ -720,11 +720,11 @@ class Backend(ABC):
 
     @abstractmethod
     def write_lock(self, knowledge_base: str) -> WriterLock | None:
-        """Return what this process's writers of a knowledge base queue on, if on anything."""
+        """Return the queue of this process's writers of a knowledge base, if any."""
 
     def is_empty(self, session: Session) -> bool:
-        """Return whether the store is new, so that opening it creates the tables."""
-        # On a server, nothing is created unasked.
+        """Return whether the store is new: then opening it creates the tables."""
+        # On a server, only an explicit upgrade creates tables.
         return False
 
     @abstractmethod
@@ -733,7 +733,7 @@ class Backend(ABC):
 
     @abstractmethod
     def migration_connection(self) -> AbstractContextManager[Connection]:
-        """Open a connection on which migrations run alone, in one transaction."""
+        """Open a connection on which migrations run exclusively, in one transaction."""
 
 
 _BACKENDS: weakref.WeakSet[Backend] = weakref.WeakSet()
@@ -753,7 +753,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def unforked() -> threading.RLock:
-    """Make a lock that a fork of this process waits for, so that no child finds it held."""
+    """Make a lock that a fork of this process waits for, so no child finds it held."""
     lock = threading.RLock()
     if hasattr(os, "register_at_fork"):
         os.register_at_fork(
@@ -762,7 +762,7 @@ def unforked() -> threading.RLock:
     return lock
 
 
-# While it is held, connections are opened or closed, and sessions have none of them.
+# Held while connections are opened or closed, before sessions get them.
 NO_FORK = unforked()
 
 
@@ -801,7 +801,7 @@ def retrying(backend: Backend, work: Callable[[], T]) -> T:
             return work()
         except PASSING as error:
             if isinstance(error, ConnectionLostError):
-                # The other connections of the pool are most likely lost, too.
+                # The other connections of the pool are probably lost, too.
                 backend.renew()
             elif isinstance(error, StoreUnreachableError) and not backend.has_answered:
                 raise

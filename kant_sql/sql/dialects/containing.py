@@ -1,6 +1,6 @@
-"""Which texts contain another: the one rule of every filter by text, in SQL and in Python.
+"""Whether a text contains another: the rule of all filters by text, in SQL and in Python.
 
-Case does not matter, whatever the letter: KÜCHE finds Küche. SQLite knows the case of ASCII letters
+It ignores the case of every letter: KÜCHE finds Küche. SQLite knows the case of ASCII letters
 only, and PostgreSQL that of its locale, so a pattern names each spelling of a letter.
 """
 
@@ -18,16 +18,16 @@ from ..query import Condition, write_as
 from .base import Session
 from .words import OPERATORS
 
-# SQLite refuses a pattern of more than 50,000 bytes; no letter takes more than 14.
+# SQLite refuses patterns of more than 50,000 bytes; a letter takes at most 14.
 LONGEST_SOUGHT = 3_500
-# By dialect: the characters that a pattern cannot have as they are, and how they are escaped.
+# The special characters of patterns, and their escapes, by dialect.
 _SPECIAL = {"sqlite": ("*?[", "[{}]"), "postgresql": (".^$*+?()[]{}|\\", "\\{}")}
 # No letter beyond this has a case.
 _CASED = 0x20000
 
 
 class _Contains(Condition):
-    """A text fits the pattern of a parameter."""
+    """Whether a text fits the pattern of a parameter."""
 
     inherit_cache = True
     name = "contains"
@@ -38,7 +38,7 @@ for _dialect, _operator in OPERATORS.items():
 
 
 def contains(column: Any, parameter: str = "pattern") -> ColumnElement[bool]:
-    """Return whether a text fits a parameter, which `pattern_of` gives."""
+    """Return whether a text fits a parameter from `pattern_of`."""
     return _Contains(column, bindparam(parameter))
 
 
@@ -50,9 +50,9 @@ def pattern_of(
     ends: bool = False,
     is_composed: bool = True,
 ) -> str:
-    """Return the pattern of what contains a text, or begins or ends with it.
+    """Return the pattern of texts that contain a text, or begin or end with it.
 
-    Names are stored with composed letters, so the text is composed, unless you say that it is not.
+    Names are stored with composed letters, so the text is composed, unless you disable that.
 
     Raises:
         InvalidArgumentError: no text can contain it.
@@ -79,7 +79,7 @@ def pattern_of(
 
 
 def is_in(text: str | None, said: str) -> bool:
-    """Return whether a text contains another as `contains` does; all contain None."""
+    """Return whether a text contains another, like `contains`; all texts contain None."""
     return text is None or _folded(text) in _folded(said)
 
 
@@ -88,14 +88,14 @@ def _folded(text: str) -> str:
 
 
 def _key(letter: str) -> str:
-    """Return what the spellings of a letter share; what has another number of letters is none."""
+    """Return the key of all spellings of a letter; spellings have the same number of letters."""
     return next(one for one in (letter.casefold(), letter.lower(), letter) if len(one) == 1)
 
 
 @cache
 def _keys() -> dict[int, str]:
     letters = map(chr, range(_CASED))
-    # Few letters are others in lower case, and only these take long.
+    # Few letters differ in lower case, and only these take long.
     cased = [each for each in letters if not each == each.casefold() == each.lower()]
     return {ord(letter): key for letter in cased if (key := _key(letter)) != letter}
 

@@ -1,7 +1,7 @@
 """PostgreSQL, by psycopg 3.
 
-A writer notifies after its commit: NOTIFY within the transaction takes a lock of the whole database
-until the commit is on disk, so that writers of different knowledge bases wait for each other.
+A writer notifies after its commit: NOTIFY within the transaction locks the whole database until the
+commit is on disk, so writers of different knowledge bases would wait for each other.
 """
 
 from __future__ import annotations
@@ -119,10 +119,10 @@ _work = threading.local()
 
 
 class _ReportedAlready(logging.Filter):
-    """Suppresses psycopg's warning of an error that follows the one it raises.
+    """Suppresses psycopg's warning about an error that follows the raised one.
 
     When the connection breaks within a pipeline (`executemany`) or a COPY, psycopg raises the
-    first error and logs the next, which says nothing new.
+    first error and logs the next one, which has no news.
     """
 
     def filter(self, record: logging.LogRecord) -> bool:
@@ -138,7 +138,7 @@ logging.getLogger("psycopg").addFilter(_ReportedAlready())
 
 @contextmanager
 def _one_report() -> Iterator[None]:
-    """Suppress the log of an error that the block raises."""
+    """Do not log an error that the block raises."""
     _work.is_ours = True
     try:
         yield
@@ -148,7 +148,7 @@ def _one_report() -> Iterator[None]:
 
 write_as(InList, "{0} = ANY({1})", "postgresql")
 write_as(InRows, "{0} = ANY(ARRAY{1})", "postgresql")
-# What equals a constant is taken out of the order, and any index is then as good.
+# A column that equals a constant is dropped from the order, and then any index is as good.
 write_as(AtKey, "{0} BETWEEN {1} AND {1}", "postgresql")
 write_as(StoreClock, "clock_timestamp()", "postgresql")
 write_as(Seconds, PostgresqlViews.seconds, "postgresql")
@@ -178,7 +178,7 @@ def _found_rows(element: FoundRows, compiler: Any, **options: Any) -> str:
 
 def _looked_up(listed: Listed, each: Select[Any], compiler: Any, options: Any) -> str:
     values, rows = (compiler.process(part, **options) for part in (listed, each))
-    # The planner cannot pull up what has an offset: it looks each value up.
+    # The planner cannot pull up a subquery with an offset: it looks each value up.
     loop = f"{values} AS wanted CROSS JOIN LATERAL ({rows} OFFSET 0) AS found"
     return f"(SELECT found.* FROM {loop})"
 
@@ -239,7 +239,7 @@ class PostgresqlSession(Session):
     _gathered: list[tuple[Insert, Sequence[Row]]] | None = None
 
     def obey(self, limit: Limit | None) -> None:
-        """Let the server end what takes too long: the connection keeps how long that is."""
+        """Let the server end slow statements: the connection keeps the limit."""
         self._allow(None if limit is None else _milliseconds(limit.seconds))
         super().obey(limit)
 
@@ -254,7 +254,7 @@ class PostgresqlSession(Session):
 
     def _unlimited(self, guard: StatementGuard) -> None:
         if guard.was_stopped:
-            # The request may still be on its way, and would end the next statement, whosever.
+            # The request may still be on its way, and would end the next statement of anybody.
             connection: Any = self._pooled.driver_connection
             connection.close()
 
@@ -270,7 +270,7 @@ class PostgresqlSession(Session):
         Foreign keys are checked at its end; each message to the server takes longer than a row.
         """
         if self._nodes is not None or self._is_limited():
-            # A cluster takes no such statement, and row policies see no row of it.
+            # A cluster refuses such a statement, and row policies do not see its rows.
             yield
             return
         self._gathered = []
@@ -324,7 +324,7 @@ class PostgresqlSession(Session):
             super()._execute_many(sql, parameters)
 
     def run_for(self, query: IdsQuery, ids: Sequence[int], **parameters: Any) -> None:
-        """Run a statement for each of some ids: many of them at once."""
+        """Run a statement for each id: many of them at once."""
         if len(ids) < LIST_FROM_IDS:
             super().run_for(query, ids, **parameters)
         else:
@@ -335,8 +335,8 @@ class PostgresqlSession(Session):
     def planned_now(self) -> Iterator[None]:
         """Prepare no statement meanwhile.
 
-        Of a small table the server reads all of a knowledge base sooner than the rows of a list,
-        and would compare each with the list still when the table has grown.
+        In a small table the server prefers to read a whole knowledge base to finding the rows of a
+        list, and would keep that plan when the table has grown.
         """
         connection: Any = self._pooled.driver_connection
         threshold = connection.prepare_threshold
@@ -349,8 +349,8 @@ class PostgresqlSession(Session):
     def replan(self) -> None:
         """Discard cached plans.
 
-        The server plans a foreign key's check once per connection; the plan for a small table may
-        scan a large one for each row.
+        The server plans the check of a foreign key once per connection; the plan for a small table
+        may scan a large one for each row.
         """
         self._execute("DISCARD PLANS")
         nodes = self._nodes
@@ -448,7 +448,7 @@ class PostgresqlSession(Session):
         return [*values]
 
     def from_time(self, moment: datetime, text: str | None = None) -> Any:
-        """Return the time: the driver takes it as it is."""
+        """Return the time: the driver takes it unchanged."""
         return moment
 
     def to_time(self, raw: Any) -> datetime:
@@ -471,7 +471,7 @@ class PostgresqlSession(Session):
             self._execute("SET LOCAL cursor_tuple_fraction = 1")
 
     def query_of_view(self, name: str, kb_id: int) -> str | None:
-        """Return a query that one shard answers, on a cluster."""
+        """Return a query that one shard of a cluster answers."""
         cluster = self.backend.cluster
         row = None if cluster is None else self.first(_VIEW, view=name)
         if cluster is None or row is None:
@@ -498,10 +498,10 @@ class PostgresqlSession(Session):
 
 
 class PooledSession(PostgresqlSession):
-    """A session whose transactions may each get another of the server's connections.
+    """A session whose transactions may use different connections of the server.
 
-    What other sessions set once, these set in each transaction. Where there is something to set, a
-    statement outside of a transaction gets one, which lasts until `rollback`.
+    Other sessions set options once, these in each transaction. If there are options, a statement
+    outside of a transaction gets one, which lasts until `rollback`.
     """
 
     _is_enclosed = _is_durable = False
@@ -540,7 +540,7 @@ class PooledSession(PostgresqlSession):
         super()._execute_many(sql, parameters)
 
     def _enclose(self) -> None:
-        """Begin a transaction where a statement has none and needs settings."""
+        """Begin a transaction for a statement that needs settings."""
         if self._is_enclosed and self._status() == _FAILED:
             self._leave()
         needs = self._allowed is not None or self.backend.is_read_only
@@ -549,7 +549,7 @@ class PooledSession(PostgresqlSession):
             self._is_enclosed = True
 
     def _leave(self) -> None:
-        """End the transaction that a statement was given."""
+        """End the transaction of a single statement."""
         if self._is_enclosed:
             self._is_enclosed = False
             if not self.is_abandoned and self.in_transaction():
@@ -575,10 +575,10 @@ _VIEW = Query(
         "FROM pg_class WHERE oid = to_regclass(:view)"
     )
 )
-# Of its major versions, that of the tests which is the oldest.
+# The oldest major version that the tests use.
 OLDEST_SERVER = 14
 LOCK_TIMEOUT = f"{PATIENCE:g}s"
-# What the driver reads, and the catalogs as the structure is written, whatever a role's own are.
+# The formats that the driver and the structure checks expect, whatever the role's own settings.
 READABLE = {
     **{"DateStyle": "ISO", "client_encoding": "UTF8"},
     **{"standard_conforming_strings": "on", "quote_all_identifiers": "off"},
@@ -590,19 +590,20 @@ _DURABLE = (
     "SELECT set_config('synchronous_commit', 'on', {}) "
     "WHERE current_setting('synchronous_commit') = 'off'"
 )
-# Around a statement that needs settings, and would need no transaction without.
+# Around a single statement that needs settings.
 _ENCLOSING = "BEGIN ISOLATION LEVEL READ COMMITTED READ ONLY"
 # Seconds until a request to cancel a statement is given up.
 CANCEL_TIMEOUT = 2.0
-# What a connection's record calls what it does for other nodes.
+# The key in a connection's record of its work for other nodes.
 _NODES = "nodes"
-# What a connection's record calls its timeout, and its value when a change may have failed.
+# The key in a connection's record of its timeout, and the value after a change that may have
+# failed.
 _TIMEOUT, _UNKNOWN = "statement_timeout", -1
 # The server counts milliseconds in 31 bits.
 _LONGEST_TIMEOUT = 2**31 - 1
 CONNECT_TIMEOUT = "10"
 POOL_SIZE, MAX_CONNECTIONS = 8, 64
-# Which tables belong to a role that this user is not, and are not its to maintain.
+# Tables of other roles that this user may not maintain.
 _OF_OTHERS = text(
     "SELECT c.relname FROM pg_class AS c WHERE c.oid = ANY (SELECT to_regclass(n) FROM "
     "unnest(CAST(:names AS text[])) AS n) AND NOT pg_has_role(c.relowner, 'USAGE') "
@@ -611,11 +612,11 @@ _OF_OTHERS = text(
 )
 _ROWS_GONE = "rows that were replaced in the tables of"
 _OWNER_VACUUMS = "run VACUUM (FULL, ANALYZE) as the owner of the tables"
-# Seconds for which an erasure waits for a table that others use, and then lets others read it.
+# Seconds that an erasure waits for a table in use, and then lets others read it.
 _TURN = 1.0
 # SQLSTATE: lock timeout, deadlock, table created or dropped meanwhile.
 _IN_THE_WAY = frozenset({"55P03", "40P01", "23505", "42P07"})
-# What the server and PgBouncer answer when all of their connections are in use.
+# The errors of the server and of PgBouncer when all connections are in use.
 _CROWDED = re.compile(
     "too many clients|remaining connection slots|too many connections|query_wait_timeout"
     "|no more connections allowed"
@@ -624,7 +625,7 @@ _REFUSED = re.compile('authentication failed|no password|role ".*" (does not|is 
 
 
 def _milliseconds(seconds: float) -> int | None:
-    """Convert a limit; None where there is none. Zero would mean none to the server."""
+    """Convert a limit, or None. Zero would mean no limit to the server."""
     milliseconds = max(1.0, seconds * 1e3)
     return None if milliseconds > _LONGEST_TIMEOUT else round(milliseconds)
 
@@ -632,8 +633,8 @@ def _milliseconds(seconds: float) -> int | None:
 class PostgresqlBackend(Backend):
     """A PostgreSQL database.
 
-    Listeners have an engine of their own. `cluster` is the plugin of an extension that puts tables
-    on several servers, if there is one.
+    Listeners have their own engine. `cluster` is the plugin of an extension for tables on several
+    servers, if there is one.
     """
 
     listening: Engine
@@ -641,13 +642,13 @@ class PostgresqlBackend(Backend):
     begin_read = "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY"
     begin_write = "BEGIN ISOLATION LEVEL READ COMMITTED"
     durable = _DURABLE.format("false")
-    # Row policies let a writer change only versions without it.
+    # Row policies allow a writer to change only versions without that row.
     revision_comes_last = True
     is_server = True
     views = PostgresqlViews()
     words = POSTGRESQL_WORDS
     _lost_at = 0.0
-    # Of a backend that has few connections for many knowledge bases.
+    # For a backend with few connections for many knowledge bases.
     _turns: WriterTurns | None = None
     _shared_listening: SharedListening
 
@@ -679,14 +680,14 @@ class PostgresqlBackend(Backend):
         def configure(connection: Any, record: Any) -> None:
             record.info["made_at"] = time.monotonic()
             connection.autocommit = True
-            # In another zone, the first and the last times of the calendar would be beyond it.
+            # In another zone, the first and the last times of the calendar would overflow.
             settings = {"lock_timeout": LOCK_TIMEOUT, "TimeZone": "UTC", **READABLE}
             if self.is_read_only:
                 settings["default_transaction_read_only"] = "on"
             record.info[IS_POOLED] = settle(connection, pooler, settings)
             self.cluster = cluster_among(name for (name,) in connection.execute(EXTENSIONS))
             record.info[_NODES] = self.cluster and self.cluster.nodes(connection)
-            # Before the tables are there, it is not known.
+            # Unknown before there are tables.
             [record.info["is_limited"]] = connection.execute(_IS_LIMITED).fetchone()
             read_all_times(connection)
 
@@ -698,7 +699,7 @@ class PostgresqlBackend(Backend):
         return engine
 
     def close(self) -> None:
-        """Close all connections, whatever one of them raises."""
+        """Close all connections, even if closing one raises."""
         with ExitStack() as steps:
             # The last one comes first.
             steps.callback(self.listening.dispose)
@@ -714,10 +715,10 @@ class PostgresqlBackend(Backend):
         self._shared_listening.forked()
 
     def take_listening(self) -> PoolProxiedConnection:
-        """Take a connection that listens, unless a pooler answers."""
+        """Take a connection for listening, unless a pooler answers."""
         pooled = self.take(self.listening)
         if self.is_closed:
-            # Meanwhile: what is taken now would stay open.
+            # Closed meanwhile: the new connection would stay open.
             pooled.invalidate()
             raise self.closed_error()
         if pooled.info[IS_POOLED]:
@@ -730,16 +731,16 @@ class PostgresqlBackend(Backend):
         return PostgresqlListener(self._shared_listening)
 
     def listening_failed(self, error: Exception) -> None:
-        """Distrust the other connections, if the one that listened was lost."""
+        """Replace the other connections on next use, if the listening one was lost."""
         if isinstance(self.heard(error), ConnectionLostError):
             self.renew()
 
     def heard(self, error: Exception) -> StoreError:
-        """Translate the error of a listening thread, for one of those who wait."""
+        """Translate the error of a listening thread for a watcher."""
         return type(error)(*error.args) if isinstance(error, StoreError) else self.translate(error)
 
     def wipe(self) -> tuple[str, ...]:
-        """Write the tables with texts again, as their owner, without rows that are gone."""
+        """Rewrite the tables with texts, without deleted rows, as their owner."""
         texts = [
             table.name
             for table in Base.metadata.sorted_tables
@@ -760,8 +761,8 @@ class PostgresqlBackend(Backend):
         return (f"{_ROWS_GONE} {self.label}{why}; {_OWNER_VACUUMS}",)
 
     def _rewrite(self, connection: Connection, tables: list[str]) -> list[str]:
-        """Write tables again; return those that others used all the time."""
-        # Whoever comes while it waits for a table waits, too: it waits briefly, again and again.
+        """Rewrite tables; return those that others used all the time."""
+        # New users of a table wait behind it, so it waits briefly, many times.
         connection.exec_driver_sql(f"SET lock_timeout = '{min(self.patience, _TURN):g}s'")
         until = time.monotonic() + self.patience
         while tables:
@@ -834,13 +835,13 @@ class PostgresqlBackend(Backend):
         return (url.host, url.port, url.database, hosts, knowledge_base)
 
     def write_lock(self, knowledge_base: str) -> WriterLock | None:
-        """Return the turn where connections are few; else the server has the only queue."""
+        """Return the turn if connections are few; otherwise the server has the only queue."""
         return None if self._turns is None else self._turns.of(knowledge_base)
 
     @contextmanager
     def migration_connection(self) -> Iterator[Connection]:
         """Open a connection that holds the lock of all schema changes of this database."""
-        # Nothing is prepared: a pooler may be there, and most statements run once.
+        # Without prepared statements: there may be a pooler, and most statements run once.
         engine = self._engine(poolclass=NullPool, connect_args={"prepare_threshold": None})
         try:
             with engine.connect() as connection, connection.begin():
@@ -860,7 +861,7 @@ class PostgresqlBackend(Backend):
             engine.dispose()
 
     def _is_in_the_way(self, engine: Engine) -> StoreBusyError:
-        """Build the error for a locked table or a concurrent schema change."""
+        """Make the error for a locked table or a concurrent schema change."""
         with engine.connect() as connection:
             who = holders(connection)
         remedy = (
@@ -887,7 +888,7 @@ class PostgresqlBackend(Backend):
             raise self.translate_connect(original) from error
 
     def layout_fault(self) -> str | None:
-        """Say what is wrong with a store of which some tables are distributed."""
+        """Return the fault of a store with only some tables distributed."""
         engine = self._engine(poolclass=NullPool)
         try:
             with engine.connect() as connection:
@@ -902,13 +903,13 @@ class PostgresqlBackend(Backend):
 
     @staticmethod
     def migrating(connection: Connection, label: str) -> AbstractContextManager[None]:
-        """Let migrations create tables where those of the store are."""
+        """Let migrations create tables in the place of the store's."""
         cluster = cluster_of(connection)
         return nullcontext() if cluster is None else cluster.migrating(connection, label)
 
     @staticmethod
     def roles_set_aside(connection: Connection) -> AbstractContextManager[None]:
-        """Drop policies and auditors' own views for the length of a migration."""
+        """Drop policies and auditors' own views during a migration."""
         return roles_set_aside(connection)
 
     def translate(self, error: Exception) -> StoreError:

@@ -1,9 +1,9 @@
 """Roles on PostgreSQL: grants and row policies, and the locks of schema changes.
 
 A schema change first locks the version table, in a mode that needs more than the right to read: a
-reader's login can neither take that lock nor block it. It locks the other tables last, when all
-statements are known, and each attempt waits only briefly: an open transaction that has read a table
-blocks its change, and all later statements on it queue behind the waiting lock.
+reader can neither take that lock nor block it. It locks the other tables last, when all statements
+are known, and each attempt waits only briefly: an open transaction that has read a table blocks the
+change, and all later statements on the table queue behind the waiting lock.
 
 A grant selects tables and columns, a policy rows. Policies for writing are bounded by the last row
 of `revision`, to which a writer can only add, and by the head's revision, read with its lock: a
@@ -81,7 +81,7 @@ WAIT_FOR_SCHEMA = "10min"
 WAIT_FOR_TABLE = "500ms"
 
 _TABLES = text("SELECT tablename FROM pg_tables WHERE schemaname = :schema")
-# Without the right to see when another's transaction began, that column is NULL.
+# NULL without the right to see other users' transactions.
 _HOLDERS = text(
     "SELECT a.pid, a.usename, nullif(a.application_name, ''), "
     "extract(epoch FROM clock_timestamp() - a.xact_start)::bigint "
@@ -126,15 +126,15 @@ def _shown(pid: int, user: str | None, program: str | None, seconds: int | None)
 
 
 READ = "read"
-# What roles are for, in the order of `Roles`.
+# The purposes of roles, in the order of `Roles`.
 RIGHTS = "writer", "reader", "auditor", "eraser"
 ALWAYS = "true"
-# The columns that each revision moves: not `kb_id`, nor those of archives and origins.
+# The columns that each revision changes: not `kb_id`, nor those of archives and origins.
 HEAD_COLUMNS = ("revision", "definition_revision", "next_id", "hash", "committed_at")
-# Only the tables' owner archives: no other role may delete. Nor may another role end a replica, or
-# say that something was verified; erasers have rights of their own.
+# Only the tables' owner archives: no other role may delete, promote a replica, or keep a
+# verification; erasers have their own rights.
 NOT_WRITTEN = frozenset({"archive", "promotion", "verification", "erasure", "replacement"})
-# What an erasure writes again.
+# The columns that an erasure rewrites.
 REWRITTEN = {
     **dict.fromkeys(("object", "formula"), ("name", "key")),
     **dict.fromkeys((f"{each}_version" for each in ("object", "action", "formula")), ("text",)),
@@ -153,7 +153,7 @@ REWRITTEN = {
     "commitment": ("salt", "commitment", "erasure_id"),
     "replacement": ("salt", "commitment"),
 }
-# Since this version of the server, others than the owner may be let write a table's file again.
+# From this version of the server on, others than the owner may get the right to rewrite a table.
 MAINTAIN_SINCE = 17
 # How far the time of a revision may be from the server's clock when its row is added. Times never
 # go back, so a time far ahead would hold for all later revisions; a time long ago would change what
@@ -169,7 +169,7 @@ FOR_ALL_ONLY = frozenset({"knowledge_base", "head"})
 
 
 class Right(NamedTuple):
-    """A right to write: on some columns, with conditions on the old and the new row."""
+    """A right to write some columns, with conditions on the old and the new row."""
 
     verb: str
     columns: tuple[str, ...] = ()
@@ -177,12 +177,12 @@ class Right(NamedTuple):
     check: str | None = None
 
 
-# The prefix of its policies, the roles that have it, and what these may do with a table.
+# The prefix of its policies, its roles, and their rights on a table.
 Writing = tuple[str, str, Callable[[Table], Iterable[Right]]]
 
 
 class WriterRights:
-    """Writes what writers may do with a table, except reading it."""
+    """Makes the rights of writers on a table, except reading."""
 
     def __init__(self, table: Table, tables: Sequence[Table], names: Qualifier) -> None:
         self._table = table
@@ -208,19 +208,19 @@ class WriterRights:
             yield Right("delete", using=f"{mine}.since > {self._last}")
 
     def _own(self, table: str, alias: str) -> str:
-        """Write where rows of another table are, of the same knowledge base."""
+        """Write the FROM clause of another table, with the same knowledge base."""
         relation = self._names.relation(table)
         return f"FROM {relation} AS {alias} WHERE {alias}.kb_id = {self._mine}.kb_id"
 
     def _locked_head(self, column: str) -> str:
         """Read a column of the head under its lock, not as of the statement's start.
 
-        Otherwise a slow statement would take versions that others committed meanwhile for its own.
+        Otherwise a slow statement would treat versions that others committed meanwhile as its own.
         """
         return f"(SELECT h.{column} {self._own('head', 'h')} FOR NO KEY UPDATE)"
 
     def _is_not_past(self, column: str) -> str:
-        """Write the condition that a column is a revision that is not committed yet."""
+        """Write the condition that a column is an uncommitted revision."""
         revision = f"{self._mine}.{column}"
         return f"{revision} > {self._last} AND {revision} > {self._locked_head('revision')}"
 
@@ -245,7 +245,7 @@ class WriterRights:
         # Identities and their parts: only new ones.
         owner = _owner(table)
         if owner == "plan_id":
-            # Plans are numbered by themselves, not by the head.
+            # Plans have their own numbers, not from the head.
             same = f"i.plan_id = {mine}.plan_id AND i.position = {mine}.position"
             return self._is_of_new_row("execution", same)
         is_new = f"{mine}.{self._names.quote(owner)} >= {self._locked_head('next_id')}"
@@ -255,7 +255,7 @@ class WriterRights:
         return f"{is_new} AND {self._is_of_new_row(owner.removesuffix('_id'), same)}"
 
     def _is_empty(self) -> str:
-        """Write the condition that a head is that of a knowledge base before its first revision."""
+        """Write the condition that a head belongs to a knowledge base without a revision."""
         return " AND ".join(
             f"{self._mine}.{self._names.quote(column.name)} "
             + (f"= {EMPTY_HEAD[column.name]}" if column.name in EMPTY_HEAD else "IS NULL")
@@ -286,9 +286,9 @@ class WriterRights:
     def _is_of_new_row(self, table: str, same: str) -> str:
         """Write the condition that a row is part of an identity that this transaction inserted.
 
-        The head does not show that: an identity beyond its `next_id` stays so when committed alone.
-        A visible row whose transaction is in progress is one's own, also from a savepoint, which
-        has its own number. `xmin` has 32 bits of that number: it is completed near the current one.
+        The head does not show that: an identity beyond `next_id` may be committed alone. A visible
+        row of a transaction in progress is one's own, also from a savepoint, which has its own
+        number. `xmin` has 32 bits of that number: it is completed near the current one.
         """
         this = "pg_current_xact_id()::text::bigint"
         distance = f"(i.xmin::text::bigint - {this} + {1 << 31})"
@@ -355,10 +355,10 @@ class WriterRights:
 
 
 class EraserRights(WriterRights):
-    """Writes what erasers may do with a table beyond writers.
+    """Makes the rights of erasers on a table, beyond those of writers.
 
-    They write texts again, so `verify` compares these with the digest of the erasure. Nothing else
-    that is past changes: not when a version ended, nor the row of an erasure.
+    They rewrite texts, and `verify` compares these with the digest of the erasure. They cannot
+    change anything else in the past, such as the end of a version or the row of an erasure.
     """
 
     def __iter__(self) -> Iterator[Right]:
@@ -370,7 +370,7 @@ class EraserRights(WriterRights):
         elif name == "replacement":
             yield Right("insert", check=self._is_of_this_erasure())
         elif name == "commitment":
-            # What is kept of a revision, in place of its seed, is of no erasure.
+            # The rows that replace the seed of a revision belong to no erasure.
             kept = f"{self._mine}.erasure_id IS NULL"
             yield Right("insert", check=f"{kept} OR {self._is_of_this_erasure()}")
         if name in REWRITTEN:
@@ -383,7 +383,7 @@ class EraserRights(WriterRights):
         )
 
     def _is_rewritten(self) -> str:
-        """Write the condition that a row differs from the old one in what an erasure changes."""
+        """Write the condition that a row differs from the old one only as after an erasure."""
         table, mine = self._table, self._mine
         if table.name == "commitment":
             return self._is_of_this_erasure()
@@ -418,7 +418,7 @@ _COLUMNS = text(
     "JOIN pg_attribute AS a ON a.attrelid = c.oid AND a.attnum > 0 AND NOT a.attisdropped "
     "WHERE n.nspname = :schema AND c.relkind = 'r' GROUP BY c.relname"
 )
-# Found by what they select from: their knowledge base may be gone.
+# Found by their sources: their knowledge base may be gone.
 _OWN_VIEWS = text(
     "SELECT DISTINCT n.nspname, c.relname FROM pg_depend AS d "
     "JOIN pg_class AS shown ON shown.oid = d.refobjid "
@@ -462,7 +462,7 @@ _KNOWLEDGE_BASES = text("SELECT id, name FROM knowledge_base ORDER BY id")
 
 
 class RoleMaker:
-    """Writes the statements that create roles in a database as it is now."""
+    """Makes the statements that create roles in the present database."""
 
     def __init__(self, connection: Connection, *, has_writers: bool | None = None) -> None:
         self._connection = connection
@@ -509,8 +509,8 @@ class RoleMaker:
     def withdraw(self) -> Iterator[str]:
         """Yield the statements that drop policies and auditors' own views, if there are any.
 
-        The roles of a knowledge base that is gone or renamed lose their rights: another knowledge
-        base may get its id.
+        The roles of a removed or renamed knowledge base lose their rights: another knowledge base
+        may get its id.
         """
         if not (self._old or self._own):
             return
@@ -530,7 +530,7 @@ class RoleMaker:
     def make(self, scopes: Iterable[RoleScope], *, is_upgrade: bool = False) -> Iterator[str]:
         """Yield the statements that create roles, grants and policies, if there are tables.
 
-        An upgrade needs no right to create roles: erasers are made when this is asked for.
+        An upgrade needs no right to create roles: it makes no erasers.
         """
         if not self._tables:
             return
@@ -575,7 +575,7 @@ class RoleMaker:
                 yield create(f"{prefix}{verb}", verb.upper(), to, " ".join(conditions))
 
     def _writing(self, scope: RoleScope, roles: Roles) -> Iterator[Writing]:
-        """Yield the roles of a scope that write: erasers have the rights of writers, and more."""
+        """Yield the roles of a scope that may write: erasers also have the rights of writers."""
 
         def of_writers(table: Table) -> Iterator[Right]:
             for right in WriterRights(table, self._tables, self._names):
@@ -604,7 +604,7 @@ class RoleMaker:
         yield f"REVOKE ALL ON TABLE {listed(self._relations())} FROM {everyone}"
         readers = self._quoted(*self._table_readers(roles))
         yield f"GRANT SELECT ON TABLE {listed(tables)} TO {readers}"
-        # A view shows what its owner sees: all knowledge bases, or the one that it is of.
+        # A view shows the rows that its owner sees: all knowledge bases, or its own.
         own = (name for name, mark in self._generated.items() if mark.kb_id == scope.kb_id)
         views = all_views if scope.kb_id is None else sorted(own)
         if views:
@@ -646,7 +646,7 @@ class RoleMaker:
             yield f"GRANT SELECT ON TABLE {own} TO {everyone}"
 
     def _table_readers(self, roles: Roles) -> tuple[str | None, ...]:
-        """Return the roles that read tables: where they are distributed, also the auditor."""
+        """Return the roles that read tables: for distributed tables, also the auditor."""
         if not self.has_writers:
             return (roles.reader, roles.auditor)
         return (roles.reader, roles.writer, roles.eraser)
@@ -685,7 +685,7 @@ def _names_of(roles: Roles) -> tuple[str | None, ...]:
 
 
 def _as_it_is(table: Table, columns: Sequence[str]) -> Table:
-    """Return a table with its present columns, maybe of an earlier version."""
+    """Return a table with its present columns, perhaps of an earlier version."""
     present = (column for column in table.columns if column.name in columns)
     copies = (Column(c.name, c.type, primary_key=c.primary_key) for c in present)
     return Table(table.name, MetaData(), *copies)
@@ -711,8 +711,8 @@ def make_roles(connection: Connection, knowledge_base: str | None, dry_run: bool
 def roles_set_aside(connection: Connection) -> Iterator[None]:
     """Drop policies and auditors' own views for the length of a migration, and recreate them.
 
-    What they refer to could not be changed otherwise. All tables are locked first, so that the
-    migration fails early when one is in use.
+    Otherwise their columns and tables could not be changed. It locks all tables first, so the
+    migration fails early if one is in use.
     """
     maker = RoleMaker(connection)
     scopes = maker.scopes() if maker.in_force else []

@@ -1,8 +1,8 @@
-"""Shared connections: through a pooler, by turns of writers, and one listener for all watchers.
+"""Shared connections: poolers, turns of writers, and one listener for all watchers.
 
 A pooler in transaction mode, such as PgBouncer, gives a client one of the server's connections for
-each transaction. What is set for a session (SET, LISTEN, PREPARE) therefore reaches whoever gets
-that connection next, and is lost to the client itself. Sessions through one set everything for one
+each transaction. So session settings (SET, LISTEN, PREPARE) reach the next client of that
+connection, and are lost to the client itself. Sessions through a pooler set everything for one
 transaction.
 """
 
@@ -24,14 +24,14 @@ from sqlalchemy import URL
 from ...errors import InvalidUrlError
 from .base import Commits, Listener, WriterLock, url_label
 
-# The option of a URL that says what stands before the server.
+# The option of a URL about a pooler.
 OPTION = "pooler"
-# What a connection's record calls whether a pooler answers.
+# The key in a connection's record of whether a pooler answers.
 IS_POOLED = "is_pooled"
 
 
 class Pooler(Enum):
-    """What a URL says about a pooler; without the option, each connection finds out."""
+    """The option of a URL about a pooler; without it, each connection detects one."""
 
     UNKNOWN = ""
     SESSION = "session"
@@ -39,7 +39,7 @@ class Pooler(Enum):
 
 
 def read_pooler(url: URL) -> Pooler:
-    """Read what a URL says about a pooler."""
+    """Read the option of a URL about a pooler."""
     value = url.query.get(OPTION, "")
     try:
         pooler = Pooler(value)
@@ -57,34 +57,34 @@ def read_pooler(url: URL) -> Pooler:
 
 
 def settle(connection: Any, pooler: Pooler, settings: dict[str, str]) -> bool:
-    """Set a new connection up; return whether each of its transactions may get another session."""
+    """Set up a new connection; return whether each transaction may get another session."""
     if pooler is not Pooler.TRANSACTION:
         calls = ", ".join(
             f"set_config('{key}', '{value}', false)" for key, value in settings.items()
         )
-        # One statement asks and sets: what is set on a pooled session reaches other clients. A
-        # pooler invents the number of the process, which is half of the key to cancel a statement.
+        # One statement detects and sets: settings of a pooled session reach other clients. A pooler
+        # invents the process number, which is half of the key to cancel a statement.
         is_direct = f"pg_backend_pid() = {connection.info.backend_pid:d}"
         where = "" if pooler is Pooler.SESSION else f" WHERE {is_direct}"
         if connection.execute(f"SELECT {calls}{where}").fetchone() is not None:
             return False
-    # Another client would find what is prepared for this one, under the same name.
+    # Another client would find this one's prepared statements, under the same names.
     connection.prepare_threshold = None
     return True
 
 
 def local(settings: dict[str, str]) -> str:
-    """Write the statements that set something for one transaction."""
+    """Write the statements that set options for one transaction."""
     return "".join(f"; SET LOCAL {key} = '{value}'" for key, value in settings.items())
 
 
 logger = logging.getLogger("kant_sql.postgresql")
 
-# Seconds between polls where LISTEN is not possible.
+# Seconds between polls if LISTEN is not possible.
 POLL_PAUSE = 0.1
 # SQLSTATE "read-only": LISTEN is not possible on a standby server.
 _STANDBY = "25006"
-# Seconds for which channels without a watcher stay open: most who watch come back at once.
+# Seconds that channels without a watcher stay open: most watchers come back at once.
 LINGER = 5.0
 # Seconds until LISTEN is tried again on a standby, which may have been promoted meanwhile.
 STANDBY_FOR = 60.0
@@ -102,17 +102,17 @@ def channel(kb_id: int) -> str:
 
 
 class CannotListenError(Exception):
-    """LISTEN is not possible, where or why the text says."""
+    """LISTEN is not possible; the text says where or why."""
 
 
 class ListeningBackend(Protocol):
-    """Where listeners get their connections."""
+    """The source of connections for listeners."""
 
     is_closed: bool
 
     @property
     def label(self) -> str:
-        """What messages call it."""
+        """Its name in messages."""
 
     def refuse_closed(self) -> None:
         """Raise when it is closed."""
@@ -128,7 +128,7 @@ class ListeningBackend(Protocol):
 
 
 class ListenPause:
-    """For how long LISTEN is not tried where it is not possible."""
+    """The pause before LISTEN is tried again."""
 
     def __init__(self, backend: ListeningBackend) -> None:
         self._backend = backend
@@ -161,11 +161,11 @@ class ListenPause:
 
 
 class WriterTurns:
-    """Makes writers wait without a connection.
+    """Lets writers wait without a connection.
 
-    Of the writers of one knowledge base, who would wait for each other in the database, one has a
-    connection. All together leave one connection free, on which those with a transaction
-    read what is outside of it: otherwise they could wait for each other.
+    Only one of the writers of a knowledge base has a connection: the others would wait for it in
+    the database. All writers together leave one connection free, for reads outside of their
+    transactions: otherwise they could wait for each other.
     """
 
     def __init__(self, connections: int) -> None:
@@ -174,7 +174,7 @@ class WriterTurns:
         self._guard = threading.Lock()
 
     def of(self, knowledge_base: str) -> WriterLock:
-        """Return the lock of the writers of a knowledge base, for one of them."""
+        """Return the lock of a knowledge base's writers, for one writer."""
         with self._guard:
             lock = self._locks.get(knowledge_base)
             if lock is None:
@@ -206,9 +206,9 @@ class _Turn:
 
 
 class _Channel(Commits):
-    """What is heard of one knowledge base.
+    """The notifications about one knowledge base.
 
-    The server notifies of it already if `is_heard`; `error` is the driver's that ended it.
+    `is_heard`: the server already notifies about it; `error`: the driver's error that ended it.
     """
 
     def __init__(self) -> None:
@@ -223,7 +223,7 @@ class _Channel(Commits):
         return not self.watchers and now - self.left_at >= LINGER
 
     def hear(self) -> None:
-        """Note that it is listened to."""
+        """Note that listening has begun."""
         self.is_heard = True
         self.notify()
 
@@ -233,9 +233,9 @@ class _Channel(Commits):
         self.notify()
 
     def wait_to_hear(self, seen: int | None, seconds: float) -> int | None:
-        """Wait for a notification after what was seen, or until it is listened to.
+        """Wait for a notification after the last seen one, or until listening begins.
 
-        Returns what was seen now; None while it is not listened to.
+        Returns the number of the last notification; None before listening begins.
         """
         before = self._number if seen is None else seen
         if self.is_heard and seen is None:
@@ -344,7 +344,7 @@ class ListenerThread:
             selector.register(connection, selectors.EVENT_READ)
             selector.register(self._woken, selectors.EVENT_READ)
             while self._listen(connection):
-                # Before waiting: some may have come with the answer to LISTEN.
+                # Before waiting: some notifications may have come with the answer to LISTEN.
                 for notice in connection.notifies(timeout=0):
                     self._tell(notice.channel)
                 selector.select(max(0.0, self._look_at - time.monotonic()))
@@ -366,7 +366,7 @@ class ListenerThread:
         return True
 
     def _forget_unwatched(self, connection: Any) -> None:
-        """Stop listening to channels whose last watcher left a while ago, however busy others are.
+        """Stop listening to channels whose last watcher left a while ago.
 
         With none left, it ends.
         """
@@ -389,7 +389,7 @@ class ListenerThread:
 
 
 class SharedListening:
-    """The listener thread of a process: made when somebody watches, and again after it ended."""
+    """The listener thread of a process, started on demand."""
 
     def __init__(self, backend: ListeningBackend) -> None:
         self.backend = backend
@@ -428,7 +428,7 @@ class SharedListening:
 
 
 class PostgresqlListener(Listener):
-    """Waits for what the thread of the process hears of one knowledge base."""
+    """Waits for notifications about one knowledge base from the process's thread."""
 
     def __init__(self, shared: SharedListening) -> None:
         self._shared = shared

@@ -1,8 +1,8 @@
 """The schema of a PostgreSQL store: a description, a check of its indexes, generated views.
 
-No query finds what an index lacks when the server answers the query by that index. Once each index
-has what its table has, it does not matter which of them answers. Plugins of extensions put tables
-on several servers (nodes).
+A query that the server answers by an index does not find rows that are missing in that index. If
+each index agrees with its table, it does not matter which one answers. Plugins of extensions put
+tables on several servers (nodes).
 """
 
 from __future__ import annotations
@@ -89,8 +89,8 @@ WHERE {which} AND NOT EXISTS (
 )
 ORDER BY c.relname COLLATE "C", x.relname COLLATE "C"
 """
-# What no migration creates, with the table or view that it belongs to. Auditors of one knowledge
-# base may find their own views before those of all.
+# Objects that no migration creates, with their table or view. Auditors of one knowledge base may
+# find their own views before those of all.
 _OTHERS = """
 SELECT c.relname, 'trigger ' || t.tgname || ' on ' || c.relname
 FROM pg_trigger AS t JOIN pg_class AS c ON c.oid = t.tgrelid WHERE NOT t.tgisinternal AND {which}
@@ -161,7 +161,7 @@ _KINDS = {"r": "TABLE", "p": "PARTITIONED TABLE", "m": "MATERIALIZED VIEW", "f":
 
 
 def describe(rows: Rows, names: Collection[str] | None = None) -> Iterator[Statement]:
-    """Describe a schema, or some tables and views and what belongs to them."""
+    """Describe a schema, or some tables and views with all that belongs to them."""
     which = f"c.relnamespace = {_SCHEMA}"
     if names is not None:
         listed = ", ".join(f"'{name}'" for name in sorted(names))
@@ -191,9 +191,9 @@ def describe(rows: Rows, names: Collection[str] | None = None) -> Iterator[State
 
 
 def as_created(definition: str) -> str:
-    """Write lists of words as in what was created by a migration, also after pg_restore.
+    """Write lists of words as a migration creates them, also after pg_restore.
 
-    What pg_dump writes of `IN ('a', 'b')` converts the list; read again, each word is converted.
+    pg_dump writes `IN ('a', 'b')` with a conversion of the list; restored, each word is converted.
     """
     for each_word, before, after in _LISTS:
         definition = each_word.sub(
@@ -298,8 +298,8 @@ class _Index(NamedTuple):
             where = "" if self.condition is None else f" WHERE {self.condition}"
             keys = f"SELECT {columns} FROM {self.table}{where} ORDER BY {columns}"
             return f"SELECT {self.number}, count(*), {self.digest()} FROM ({keys}) AS keys"
-        # It is not sorted: look up each value and count the rows. Of a distributed table, each
-        # shard does so.
+        # It is not sorted: look up each value and count the rows, in each shard of a distributed
+        # table.
         key, own = ("kb_id, ", "t.kb_id = wanted.kb_id AND ") if self.nodes else ("", "")
         return (
             f"SELECT {self.number}, coalesce(sum(found), 0), NULL::numeric "
@@ -322,7 +322,7 @@ def index_faults(
         had = _found(each for arrays in rows for each in zip(*arrays, strict=True))
         found = _by_indexes(session, indexes, nodes)
         for index in indexes:
-            # An index that is not used even now is used by no other query.
+            # An index that is unused even now is used by no other query.
             if index.number in found and found[index.number] != had[index.number]:
                 yield IndexFault(index.table, _difference(index, had, found))
         yield from _amcheck(session, indexes)
@@ -417,7 +417,7 @@ def _amcheck(session: Session, indexes: list[_Index]) -> Iterator[IndexFault]:
                 yield fault
 
 
-# Whoever may read what all knowledge bases have in common may read what one of them has.
+# Who may read the views of all knowledge bases may read the views of one.
 _READERS = """
 SELECT CASE a.grantee WHEN 0 THEN 'PUBLIC' ELSE quote_ident(pg_get_userbyid(a.grantee)) END
 FROM pg_class AS c, aclexplode(c.relacl) AS a WHERE c.oid = to_regclass('audit_fact')
@@ -482,21 +482,21 @@ class Qualifier:
         return f"{self.quote(self.schema if schema is None else schema)}.{self.quote(name)}"
 
 
-# The extensions of this database but that which each has.
+# The extensions of this database, except the default one.
 EXTENSIONS = "SELECT extname FROM pg_extension WHERE extname <> 'plpgsql'"
 
 
 class Nodes(Protocol):
-    """What a connection to one node does for the others."""
+    """The work of a connection to one node for the others."""
 
     def settings(self, *, is_durable: bool = False) -> dict[str, str]:
-        """Return what a transaction that writes sets."""
+        """Return the settings of a writing transaction."""
 
     def replanning(self, is_other: bool) -> str:
-        """Write the statement after which a node makes its plans again."""
+        """Write the statement that makes a node plan again."""
 
     def committing(self, synchronous_commit: str) -> Nodes:
-        """Return these with another setting of what a commit waits for."""
+        """Return these with another `synchronous_commit`."""
 
     def whole_index(self, name: str) -> str:
         """Return the name of the index that an index of a part of a table belongs to."""
@@ -516,7 +516,7 @@ class ClusterExtension(Protocol):
         """Return whether the tables of a schema are on several nodes."""
 
     def fault(self, connection: Connection, label: str) -> str | None:
-        """Say which tables are not where the others are; None for none."""
+        """Return which tables are not distributed like the others, or None."""
 
     def use_one_connection(self, connection: Connection) -> None:
         """Let a transaction of schema changes use one connection to each node."""

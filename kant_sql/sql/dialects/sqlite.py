@@ -118,7 +118,7 @@ _TO_JSON = json.JSONEncoder(ensure_ascii=False).encode
 
 
 def describe(rows: Rows, names: Collection[str] | None = None) -> Iterator[Statement]:
-    """Describe a schema, or some tables and views and what belongs to them."""
+    """Describe a schema, or some tables and views with all that belongs to them."""
     wanted = None if names is None else {name.lower() for name in names}
     for kind, name, table, sql in rows(_OBJECTS):
         if wanted is None or {str(name).lower(), str(table).lower()} & wanted:
@@ -235,8 +235,8 @@ def _found_rows(element: FoundRows, compiler: Any, **options: Any) -> str:
 def _fork(element: Fork, compiler: Any, **options: Any) -> str:
     since, until = (compiler.process(clause, **options) for clause in element.clauses)
     before, last = f"({since} - 1)", f"({until} - 1)"
-    # What differs between them, and all bits below the highest of it: there is no exact logarithm.
-    # The limits keep SQLite from writing each step twice into the next: the first, 64 times.
+    # The differing bits, and all bits below the highest of them: there is no exact logarithm. The
+    # limits keep SQLite from copying each step twice into the next: the first one 64 times.
     bits = f"SELECT ({before} | {last}) - ({before} & {last}) AS bits LIMIT 1 OFFSET 0"
     for shift in (1, 2, 4, 8, 16, 32):
         step = f"SELECT bits | (bits >> {shift}) AS bits FROM ({bits}) AS bits_{shift}"
@@ -253,10 +253,10 @@ class SqliteSession(Session):
         self._driver: sqlite3.Connection = connection.driver_connection
 
     def obey(self, limit: Limit | None) -> None:
-        """Let SQLite ask from time to time whether a statement must end."""
+        """Let SQLite check regularly whether a statement must end."""
         super().obey(limit)
         if self._guard is not None:
-            # In memory, one read may be asked within another, on the same connection.
+            # In memory, one read may run within another, on the same connection.
             self._handlers().append(self._guard.is_over)
             self._driver.set_progress_handler(self._guard.is_over, STEPS)
 
@@ -271,7 +271,7 @@ class SqliteSession(Session):
         return found
 
     def _stop(self) -> None:
-        # Ends what takes long within one step, as the check of a table does.
+        # Ends long single steps, such as the check of a table.
         with suppress(sqlite3.ProgrammingError):
             self._driver.interrupt()
 
@@ -284,7 +284,7 @@ class SqliteSession(Session):
             return False
 
     def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
-        """Yield a query's rows from a cursor of their own."""
+        """Yield a query's rows from a separate cursor."""
         sql = query.text(self.backend.dialect)
         cursor: Any = self._cursor
         if not self.is_abandoned:
@@ -303,11 +303,11 @@ class SqliteSession(Session):
                 cursor.close()
 
     def overwrite_deleted(self, on: bool = True) -> None:
-        """Overwrite with zeros what is deleted from now on."""
+        """Overwrite rows deleted from now on with zeros."""
         self._driver.execute(f"PRAGMA secure_delete={'ON' if on else 'OFF'}")
 
     def rewrite(self) -> None:
-        """Write the whole database again: nothing of what was deleted is left in it."""
+        """Rewrite the whole database: nothing of deleted rows remains."""
         self._driver.execute("VACUUM")
         self.overwrite_deleted(False)
 
@@ -345,7 +345,7 @@ class SqliteSession(Session):
                         yield IndexFault(table, f"the database itself finds: {message}")
 
     def wrong_values(self, tables: tuple[Table, ...], kb_id: int) -> Iterator[tuple[str, str, int]]:
-        """Count values that are not of their column's type: SQLite keeps any in any column."""
+        """Count values of a wrong type: SQLite stores any type in any column."""
         for table, (_, wrong) in zip(tables, self.rows(_wrong(tables), kb=kb_id), strict=True):
             for column, count in zip(table.c, json.loads(wrong), strict=True):
                 if count:
@@ -539,7 +539,7 @@ class _MemoryPool(_Pool, StaticPool):
 
 
 def _keep_for_ever(kept: object) -> None:
-    """Keep something until this process ends, beyond the end of the interpreter."""
+    """Keep an object until this process ends, beyond the end of the interpreter."""
     import ctypes
 
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(kept))
@@ -548,18 +548,18 @@ def _keep_for_ever(kept: object) -> None:
 OPTIONS = {"synchronous", "timeout", "mode"}
 # The first that knows AS MATERIALIZED.
 OLDEST_SQLITE = (3, 35, 0)
-# Steps of SQLite's machine, about a millisecond, between questions whether a statement must end.
+# Steps of SQLite's machine, about a millisecond, between checks whether a statement must end.
 STEPS = 50_000
 # SQLite counts milliseconds in 31 bits.
 LONGEST_TIMEOUT = 2_000_000
 MAX_CONNECTIONS = 64
 POOL_SIZE = 8
-# How many pages a backup copies at once.
+# Pages that a backup copies at once.
 COPIED_PAGES = 1_000
 
 
 def _patience(url: URL) -> float:
-    """Read how many seconds a URL lets a call wait for another writer."""
+    """Read the seconds that a call may wait for another writer, from a URL."""
     try:
         seconds = float(str(url.query["timeout"]))
     except ValueError:
@@ -574,7 +574,7 @@ def _patience(url: URL) -> float:
 class SqliteBackend(Backend):
     """An SQLite file, or a store in memory that lives as long as this object."""
 
-    # Whether this process was forked at a moment that SQLite does not survive.
+    # Whether SQLite is unusable in this process because of the moment of its fork.
     _is_torn: ClassVar[bool] = False
     begin_read = "BEGIN"
     begin_write = "BEGIN IMMEDIATE"
@@ -619,8 +619,8 @@ class SqliteBackend(Backend):
         synchronous = str(query.get("synchronous", "normal")).upper()
         if synchronous not in ("NORMAL", "FULL"):
             raise InvalidUrlError(f"{self.label}: synchronous is 'normal' or 'full'")
-        # SQLAlchemy keeps the pool of a connection that is out, and kept sessions are out: a pool
-        # that referred to this backend would keep it for ever.
+        # A checked-out connection keeps SQLAlchemy's pool, and kept sessions are checked out: a
+        # pool that referred to this backend would keep it forever.
         connect, connections = WeakMethod(self.connect), self.connections
         is_read_only = self.is_read_only
 
@@ -658,11 +658,11 @@ class SqliteBackend(Backend):
         return engine
 
     def examine_fork(self) -> None:
-        """Note what makes SQLite unusable in this child process, whichever database it is.
+        """Note whether SQLite is unusable in this child process, for any database.
 
-        SQLite's mutexes are of the process: whoever of the parent's threads held one does not exist
-        here, where opening and closing any connection would wait for it for ever. And to close a
-        connection whose transaction has spilled would remove the parent's pages from the log.
+        SQLite's mutexes belong to the process: a parent's thread that held one does not exist here,
+        so opening and closing any connection would wait for it forever. Closing a connection whose
+        transaction has spilled would remove the parent's pages from the log.
         """
         in_transaction = any(connection.in_transaction for connection in self.connections)
         has_spilled = not self.in_memory and in_transaction and self.file.has_spilled()
@@ -672,14 +672,14 @@ class SqliteBackend(Backend):
     def leave_connections(self) -> None:
         """Leave the connections to the parent process, in its child.
 
-        SQLite tracks a process's file locks in its memory, which a child only has a copy of. The
-        child must close all of the parent's connections before it opens one: otherwise it writes
-        without a lock and loses what it writes. Of a store in memory, it has a copy.
+        SQLite tracks a process's file locks in memory, of which a child only has a copy. The child
+        must close all of the parent's connections before it opens one: otherwise it writes without
+        a lock and loses its writes. A store in memory is copied.
         """
         self.turns, self._write_lock = Turns(), threading.Lock()
         self.commits = Commits()
         if self._is_torn:
-            # Python would close what nobody refers to.
+            # Python would close connections without references.
             cursors = [session._cursor for session in self.sessions]
             _keep_for_ever([*self.connections, *self._idle, *self.sessions, *cursors])
         elif self.in_memory:
@@ -708,7 +708,7 @@ class SqliteBackend(Backend):
 
         def make() -> sqlite3.Connection:
             self._refuse_torn()
-            # Without an isolation level the driver issues no BEGIN of its own.
+            # Without an isolation level the driver issues no BEGIN.
             made = sqlite3.connect(
                 name,
                 timeout=self.patience,
@@ -725,7 +725,7 @@ class SqliteBackend(Backend):
             return make() if self.in_memory else self.file.open(make)
 
     def _refuse_pipe(self) -> None:
-        """Refuse what is not a file: to open a pipe waits for whoever writes to it."""
+        """Refuse a path that is not a file: opening a pipe would wait for a writer."""
         try:
             mode = os.stat(self.file.path).st_mode
         except (OSError, ValueError):
@@ -737,7 +737,7 @@ class SqliteBackend(Backend):
             )
 
     def wipe(self) -> tuple[str, ...]:
-        """Write the file again, without free pages, and empty its log."""
+        """Rewrite the file without free pages, and empty its log."""
         with self.open_session() as session:
             pooled: Any = session
             try:
@@ -786,7 +786,7 @@ class SqliteBackend(Backend):
     ) -> None:
         # Nobody reads it before it is complete and on the disk.
         target.execute("PRAGMA synchronous=OFF")
-        # The copy is of this snapshot, and does not begin again when somebody writes.
+        # The copy is of this snapshot, and does not restart when somebody writes.
         source.execute("BEGIN")
         source.execute("SELECT count(*) FROM sqlite_master").fetchone()
 
@@ -816,7 +816,7 @@ class SqliteBackend(Backend):
             self.sessions.pop(session, None)
             self._idle.append(session)
             if self.is_closed:
-                # It was closed at that moment, and would keep what came back.
+                # It was closed at that moment, and would keep the returned session.
                 self._discard_idle()
         return fit
 
@@ -838,7 +838,7 @@ class SqliteBackend(Backend):
                 self.turns.end()
         self._discard_idle()
         self.file.forget()
-        # Wake watchers of a store in memory, which is gone now.
+        # Wake the watchers of a store in memory, which is gone now.
         self.commits.notify()
 
     def listener(self) -> Listener:
@@ -909,7 +909,7 @@ class SqliteBackend(Backend):
         except FileNotFoundError:
             return False
         except OSError:
-            # SQLite reports better what is wrong with it.
+            # SQLite's own error is better.
             pass
         return True
 
@@ -945,7 +945,7 @@ class SqliteBackend(Backend):
 
     @contextmanager
     def migration_connection(self) -> Iterator[Connection]:
-        """Open a connection without foreign keys: a table rebuild must not delete children."""
+        """Open a connection without foreign keys: rebuilding a table must not delete children."""
         with self.engine.connect() as connection:
             driver: Any = connection.connection.driver_connection
             driver.execute("PRAGMA foreign_keys=OFF")

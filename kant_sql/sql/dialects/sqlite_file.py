@@ -1,7 +1,7 @@
 """The file of an SQLite store: detects that it was replaced, and bounds its write-ahead log.
 
-SQLite looks a file up by its name once. If the file is deleted, renamed or replaced afterwards,
-SQLite continues to write to the open file, which no other process finds.
+SQLite opens a file by name once. If the file is deleted, renamed or replaced afterwards, SQLite
+continues to write to the open file, which no other process can find.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ WAL_LIMIT = 32 << 20
 # Seconds between attempts to truncate it while a reader holds it.
 WAL_PATIENCE = 1.0
 # Seconds without a change after which a file counts as overwritten: a checkpoint of another process
-# copies parts of tables one after the other.
+# copies parts of tables one by one.
 STILL = 0.25
 # Seconds from a checkpoint of its own until a process compares the file. A comparison takes 4 ms,
 # and a busy writer checkpoints every 20 ms.
@@ -50,7 +50,7 @@ INDEX_STATE, INDEX_STATE_AT = struct.Struct("=HI"), 14
 
 
 class Landmark(NamedTuple):
-    """A revision that the file holds without its log, so that it must hold it from then on."""
+    """A revision in the file itself, without the log: the file must have it from then on."""
 
     kb_id: int
     revision: int
@@ -58,7 +58,7 @@ class Landmark(NamedTuple):
 
 
 class Contents:
-    """What a file held without its log when this process last compared it.
+    """The content of a file, without its log, at this process's last comparison.
 
     All backends of the process share it: each checkpoint requires a comparison, for which SQLite
     parses the whole schema, about 4 ms. `due` is the latest time of the next comparison, on the
@@ -75,7 +75,7 @@ class Contents:
         return (found.st_mtime_ns, found.st_size) == (self.changed, self.size)
 
     def confirm(self, found: os.stat_result) -> None:
-        """Note that the file as it is now was compared."""
+        """Note that the present file was compared."""
         self.changed, self.size = found.st_mtime_ns, found.st_size
         self.due = None
 
@@ -120,7 +120,7 @@ _CONTENTS: WeakValueDictionary[tuple[int, int], Contents] = WeakValueDictionary(
 
 
 def contents_of(path: str, found: os.stat_result) -> Contents:
-    """Return what a file holds, shared with its other users unless it was overwritten since."""
+    """Return the content of a file, shared with its other users unless it was overwritten since."""
     key = found.st_dev, found.st_ino
     contents = _CONTENTS.get(key)
     if contents is None or not (contents.is_at(found) or contents.compare(path)):
@@ -133,7 +133,7 @@ def contents_of(path: str, found: os.stat_result) -> Contents:
 
 
 def _read(path: str, start: int, size: int) -> bytes:
-    """Read a part of a file, as far as there is one."""
+    """Read a part of a file, or as much as there is."""
     try:
         handle = os.open(path, os.O_RDONLY)
         try:
@@ -164,7 +164,7 @@ class StoreFile:
         self._warned_at, self._tried_at = 0, -WAL_PATIENCE
 
     def open(self, connect: Callable[[], sqlite3.Connection]) -> sqlite3.Connection:
-        """Make a connection, and verify which file it has open."""
+        """Open a connection, and check which file it has open."""
         before = self._find()
         for _ in range(ATTEMPTS):
             connection = connect()
@@ -204,7 +204,7 @@ class StoreFile:
             self._look(found)
 
     def check_committed(self) -> None:
-        """Check the file and its log after a commit: the committed data may have no file.
+        """Check the file and its log after a commit: the data may be in no file.
 
         Call `check` just before the commit: a change since then is this process's checkpoint.
         """
@@ -340,7 +340,7 @@ class StoreFile:
                 return False
 
     def has_spilled(self) -> bool:
-        """Return whether the log has pages of an open transaction, of which the cache was full.
+        """Return whether the log has pages of an open transaction, because its cache was full.
 
         Only for a forked child: this closes a file on which its parent has locks.
         """

@@ -1,8 +1,8 @@
 """Descriptions of a live schema, and the marks and syntax of generated views.
 
 The records in `migrations/golden/` consist of the same statements: verification compares a store
-with them. A generated view bears a mark: what it shows, and a digest of its definition. A view
-without a mark is not the library's and is left alone.
+with them. A generated view has a mark: its predicate and kind, and a digest of its definition. A
+view without a mark is not the library's and is left alone.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Statement(NamedTuple):
 
 
 class IndexFault(NamedTuple):
-    """What is wrong with an index, or with the table under it."""
+    """A fault of an index or of its table."""
 
     table: str
     message: str
@@ -68,7 +68,7 @@ def parenthesized(head: str, parts: Sequence[str]) -> str:
 
 
 class Mark(NamedTuple):
-    """What a generated view bears: what it shows of a predicate, and its definition's digest."""
+    """The mark of a generated view: its predicate and kind, and the digest of its definition."""
 
     kb_id: int
     predicate_id: int
@@ -87,7 +87,7 @@ class ViewDialect(ABC):
     Attributes:
         relations: the query of all names that a new view cannot have, each with the text that may
             hold a mark.
-        marked: what such a text of a generated view begins with.
+        marked: the beginning of such a text of a generated view.
         columns: the query of the columns of the relation `{0}`, in their order.
         is_goal: the condition that a version `v` of a proposition is of a goal.
         epoch: the time `{0}` in seconds since 1970, exact to the microsecond.

@@ -3,8 +3,8 @@
 Conditions are written as text: building one of ten tables with SQLAlchemy Core takes 3 ms, as text
 0.2 ms, and they must keep their join order on SQLite.
 
-The functions of exact decimals are those of SQLite's extension `decimal`, which its shell has: a
-statement with them can be pasted there.
+The functions of exact decimals are those of SQLite's extension `decimal`, which its shell includes,
+so you can paste statements there.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ..query import text_literal
 
 
 class DecimalWords(NamedTuple):
-    """How one dialect calculates with exact decimals.
+    """Calculations with exact decimals in one dialect.
 
     Attributes:
         operation: writes `+`, `-` or `*` of two decimals.
@@ -30,7 +30,7 @@ class DecimalWords(NamedTuple):
         compare: compares two decimals by an operator.
         decimal: a text as a decimal.
         by_texts: compares the texts of two decimals whose doubles are equal.
-        is_fast: whether calculating exactly costs little; otherwise doubles decide where they can.
+        is_fast: whether exact calculation is cheap; otherwise doubles decide if possible.
     """
 
     operation: Callable[[str, str, str], str]
@@ -110,13 +110,13 @@ _FUNCTIONS = {
 
 
 def add_functions(connection: sqlite3.Connection) -> None:
-    """Give a connection the functions on decimals."""
+    """Add the functions on decimals to a connection."""
     for name, function in _FUNCTIONS.items():
         connection.create_function(name, 2, function, deterministic=True)
 
 
-# A saying is known, and about the time. A sum is not a condition of an index: PostgreSQL without
-# statistics takes that of revisions for as good as that of the element.
+# A saying is known, and covers the time. A sum uses no index: PostgreSQL without statistics rates
+# the index of revisions as good as that of the element.
 COVERS = (
     "{0}.kb_id = :kb AND {0}.since + 0 <= :valid_known AND {0}.valid_from <= :valid_moment "
     "AND {0}.valid_until > :valid_moment"
@@ -126,7 +126,7 @@ RAW = "/**/"
 
 
 class Words(NamedTuple):
-    """How one dialect writes what differs.
+    """The differing words of one dialect.
 
     Attributes:
         is_fact: the condition that the proposition version of an alias is a fact.
@@ -146,7 +146,7 @@ class Words(NamedTuple):
         arithmetic: how decimals are calculated with.
         fence: what ends a subquery that is to be planned by itself; empty where no planner would
             change the order of a join.
-        levels: how deep the parentheses of a statement may be nested; None for any depth.
+        levels: the maximum depth of parentheses in a statement; None for any depth.
         is_one_state: whether the versions that are read are those of one state only, of valid time.
         is_true: the condition that a boolean column is true.
         looked_up: the condition that values are among rows that were read before.
@@ -292,7 +292,7 @@ class Walk(NamedTuple):
 
 
 class NestedLoops:
-    """Joins whose order is fixed, as a dialect writes them that keeps that of a CROSS JOIN: SQLite.
+    """Joins in a fixed order for SQLite, which keeps the order of a CROSS JOIN.
 
     Attributes:
         larger: the function of the largest of some numbers.
@@ -345,7 +345,7 @@ class NestedLoops:
 
 
 class _LateralLoops(NestedLoops):
-    """The same for PostgreSQL, which keeps the order of lateral subqueries that it cannot pull up.
+    """The same for PostgreSQL, by lateral subqueries that it cannot pull up.
 
     Without statistics it would otherwise hash millions of versions for a few ids.
     """

@@ -30,5 +30,5 @@ from .revisions import RevisionExecutionRow as RevisionExecutionRow
 from .revisions import RevisionRow as RevisionRow
 from .revisions import VerificationRow as VerificationRow
 
-# By name. Those of named elements have no class.
+# By name. Tables of named elements have no class.
 TABLES = Base.metadata.tables

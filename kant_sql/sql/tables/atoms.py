@@ -1,4 +1,4 @@
-"""What applies to objects: propositions (facts and goals), and fluents with their values."""
+"""Propositions (facts and goals), and fluents with their values."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from .base import (
 
 
 class _Atom:
-    """What applies to objects, interned once for ever."""
+    """A ground atom or a fluent, permanently interned."""
 
     kb_id = kb_column()
     id = owner_column()
@@ -40,7 +40,7 @@ class _Atom:
 
 
 class _Argument:
-    """An argument of what applies to objects."""
+    """An argument of a ground atom or a fluent."""
 
     kb_id = kb_column()
     position = position_column()
@@ -99,8 +99,8 @@ class PropositionArgumentRow(_Argument, Base):
 
 
 def _goal_index(name: str, *columns: str) -> Index:
-    # SQLite uses a partial index only for queries that contain its exact condition: this is how
-    # SQLAlchemy writes a boolean column for it.
+    # SQLite uses a partial index only for queries with its exact condition: this is SQLAlchemy's
+    # text of a boolean column.
     return Index(
         f"ix_proposition_version_{name}",
         "kb_id",
@@ -113,23 +113,23 @@ _FIRST, _SECOND = "first_object_id", "second_object_id"
 
 
 class PropositionVersionRow(Interval, Base):
-    """When a fact held, or a goal stood: one thin row for each time."""
+    """An interval in which a fact held, or a goal was active: one narrow row for each."""
 
     __tablename__ = "proposition_version"
     __table_args__ = (
-        # Without statistics PostgreSQL takes any index that begins with `kb_id` for as good as
-        # another, and the smallest for the best: among 20,000 facts it would read all of them by
-        # this one, to find those of a predicate or with an argument.
+        # Without statistics PostgreSQL rates all indexes that begin with `kb_id` as equally good,
+        # and the smallest as the best: it would read all of 20,000 facts by this one, to find those
+        # of a predicate or with an argument.
         *_interval_args("proposition", "predicate", _FIRST, live=("proposition_id", "kb_id")),
-        # What held of the second argument; the fork comes first, so that a writer finds the page in
-        # memory: it closes versions under few recent ones.
+        # Past facts by the second argument; the fork comes first, so a writer finds the page in
+        # memory: it closes versions under few recent forks.
         partial_index(
             "ix_proposition_version_history_second",
             *("kb_id", "predicate_id", "fork", _SECOND, "since", "until", "proposition_id"),
             where=f"{_SECOND} IS NOT NULL",
         ),
-        # `is_goal` comes before the arguments: PostgreSQL 18 takes a column that a condition skips
-        # for many searches.
+        # `is_goal` comes before the arguments: PostgreSQL 18 treats a column that a condition skips
+        # as many searches.
         _now("proposition_version", "predicate_id", "is_goal", _FIRST, _SECOND, "proposition_id"),
         partial_index(
             "ix_proposition_version_second",
@@ -137,8 +137,8 @@ class PropositionVersionRow(Interval, Base):
             where=f"{LIVE} AND {_SECOND} IS NOT NULL",
         ),
         # Goals are few among many facts, and current goals are few among past ones.
-        # `is_goal` makes the index cover: SQLite would else read all that holds now, by an index
-        # that does.
+        # `is_goal` makes the index covering: otherwise SQLite would read all present facts, by an
+        # index that is covering.
         _goal_index("goal", "until", "since", "proposition_id", "is_goal"),
         _goal_index("goal_history", "fork", "since", "until", "proposition_id"),
         # Finds the latest goals without reading facts.
@@ -149,13 +149,13 @@ class PropositionVersionRow(Interval, Base):
     predicate_id = column(int)
     is_goal = column(bool, server_default=false())
     # Copies of the argument rows, which have the foreign keys: two more on each version would cost
-    # two lookups a row, and two indexes for the side that they refer to.
+    # two lookups a row, and two indexes for the referenced side.
     first_object_id = optional(int, order=20, comment="its first argument; NULL: it has none")
     second_object_id = optional(int, order=20, comment="its second argument; NULL: it has fewer")
 
 
 class ConfirmationRow(Base):
-    """A fact that held, seen again: it never changes the state."""
+    """A confirmation of a fact that held: it never changes the state."""
 
     __tablename__ = "confirmation"
     __has_rowid__ = False
@@ -171,7 +171,7 @@ class ConfirmationRow(Base):
 
 
 class SayingColumns:
-    """What was said of a period that is over: it overrides what the versions say of it.
+    """A saying about a past period, which overrides the versions there.
 
     Its `fork` is that of its seconds, see `sql/intervals.py`.
     """
@@ -196,7 +196,7 @@ def _saying_args(element: str, owner: str) -> tuple[Any, ...]:
 
 
 class PropositionSayingRow(SayingColumns, Base):
-    """That a fact held, or did not, in a period."""
+    """A saying that a fact held, or did not hold, in a period."""
 
     __tablename__ = "proposition_saying"
     __has_rowid__ = False
@@ -246,13 +246,13 @@ def _value_args(table: str) -> tuple[Any, ...]:
     return (
         reference("object_id", "object"),
         CheckConstraint("(value IS NULL) = (number IS NULL)", name="number_of_value"),
-        # Numbers change often and do not belong in it.
+        # Numbers change often and are not in the index.
         partial_index(f"ix_{table}_object", "kb_id", "object_id", where="object_id IS NOT NULL"),
     )
 
 
 class FunctionValueVersionRow(Interval, Base):
-    """What a fluent was, for a time."""
+    """An interval in which a fluent had one value."""
 
     __tablename__ = "function_value_version"
     __table_args__ = (
@@ -271,7 +271,7 @@ class FunctionValueVersionRow(Interval, Base):
 
 
 class FunctionValueSayingRow(SayingColumns, Base):
-    """What a fluent was in a period; without number and object, it had no value."""
+    """A saying about the value of a fluent in a period; without number and object, it had none."""
 
     __tablename__ = "function_value_saying"
     __has_rowid__ = False

@@ -1,4 +1,4 @@
-"""The base of the tables' classes, column types, and what tables of one sort have in common.
+"""The base of the tables' classes, column types, and shared parts of similar tables.
 
 Every table starts with `kb_id`, the first column of each primary key, foreign key and index, except
 for the index of open propositions and those of names and texts: a knowledge base is the unit of
@@ -34,7 +34,7 @@ from sqlalchemy import (
 
 T = TypeVar("T")
 
-# The collation "C" sorts by code point, as SQLite does and as the hash of a revision demands.
+# The collation "C" sorts by code point, like SQLite and the hash of a revision.
 ShortText = String(255).with_variant(String(255, collation="C"), "postgresql")
 LongText = Text().with_variant(Text(collation="C"), "postgresql")
 
@@ -64,14 +64,14 @@ VERSION_TABLE = "kant_sql_version"
 
 LIVE = "until IS NULL"
 CLOSED = "until IS NOT NULL"
-# Checked at commit: the row of a revision holds the hash of its changes, so it is written last.
+# Checked at commit: the row of a revision has the hash of its changes, so it is written last.
 AT_COMMIT: dict[str, Any] = {"deferrable": True, "initially": "DEFERRED"}
 REVISION = ["revision.kb_id", "revision.number"]
 ASSERTED = "asserted in this revision"
 RETRACTED = "retracted in this revision; NULL: holds now"
 
 
-# The type of a column unless it is given another.
+# The default type of a column.
 _KINDS: dict[type[Any], Any] = {
     int: BigInteger(),
     str: LongText,
@@ -82,7 +82,7 @@ _KINDS: dict[type[Any], Any] = {
 
 
 class _Field(NamedTuple):
-    """A column before it has a name and a table: several tables may have one like it."""
+    """A column without name and table yet: several tables may share it."""
 
     order: int
     make: Callable[[str], Column[Any]]
@@ -91,15 +91,15 @@ class _Field(NamedTuple):
 class Base:
     """The base of the tables' classes: `HeadRow` is the table `head`, `HeadRow.hash` its column.
 
-    SQLAlchemy's ORM would map them, too; nothing else of it would be used, and importing it and
-    mapping takes longer than opening a store.
+    SQLAlchemy's ORM could map them, but nothing else of it is needed, and importing it and mapping
+    takes longer than opening a store.
     """
 
     metadata: ClassVar[MetaData] = MetaData(naming_convention=NAMING_CONVENTION)
     __tablename__: ClassVar[str]
     __table_args__: ClassVar[tuple[Any, ...]] = ()
     __table__: ClassVar[Table]
-    # What SQLite keeps in one tree: its key is short, and so are its rows.
+    # SQLite stores these tables in one tree: their keys and rows are short.
     __has_rowid__: ClassVar[bool] = True
 
     def __init_subclass__(cls) -> None:
@@ -119,7 +119,7 @@ class Base:
 
     @classmethod
     def __clause_element__(cls) -> Table:
-        """Return what stands for the class in a statement."""
+        """Return the table, for statements."""
         return cls.__table__
 
 
@@ -143,7 +143,7 @@ def key_column(order: int, comment: str | None = None, kind: Any = BigInteger) -
 
 
 def kb_column() -> ColumnClause[int]:
-    """Make the column that every table and every key starts with."""
+    """Make the first column of every table and key."""
     return key_column(-100)
 
 
@@ -158,7 +158,7 @@ def position_column(order: int = -60, comment: str | None = "from 0") -> ColumnC
 
 
 class VersionRow:
-    """What held of an element from one revision until another."""
+    """A version of an element from one revision until another."""
 
     kb_id = kb_column()
     since = key_column(-80, ASSERTED)
@@ -185,8 +185,8 @@ def reference(column: str, table: str) -> ForeignKeyConstraint:
 def lookup_index(table: str, column: str) -> Index:
     """Make the index by which the views find a name or a text.
 
-    On PostgreSQL it is a hash index: a text may exceed the size limit of a b-tree entry, and while
-    a table without statistics is small, the planner would use an index that begins with `kb_id` for
+    On PostgreSQL it is a hash index: a text may exceed the size limit of a b-tree entry, and in a
+    small table without statistics, the planner would use an index that begins with `kb_id` for
     other queries.
     """
     return Index(f"ix_{table}_{column}", column, info={"postgresql_using": "hash"})
@@ -203,9 +203,9 @@ def where_both(sqlite: str, postgresql: str) -> dict[str, Any]:
 
 
 def with_dialects() -> MetaData:
-    """Return the tables with all that the migrations make, but for the views.
+    """Return the tables with everything that the migrations make except views.
 
-    Only Alembic asks for what the dialects add to tables and indexes: to name a dialect there makes
+    Only Alembic needs the dialects' additions to tables and indexes: naming a dialect there makes
     SQLAlchemy import it with all its drivers.
     """
     for table in Base.metadata.tables.values():
@@ -225,7 +225,7 @@ def version_args(
         owner: the columns that name the element.
         has_lists: whether it has tables below it.
         live: the columns of the index of open versions, in another order than that of the key;
-            None: there is none, as the key finds the few versions that an element has.
+            None for no such index: the key finds the few versions of an element.
     """
     return (
         ForeignKeyConstraint(["kb_id", "since"], REVISION, **AT_COMMIT),

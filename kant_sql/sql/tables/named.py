@@ -1,8 +1,8 @@
 """The tables of named elements: identities, versions, and the lists of each version.
 
-An expression tree is a list in preorder. A node says what it does (`and`, `over all`, `increase`,
-`predicate` ...), and a leaf also which predicate, function, number or variable it is; the terms of
-a node, and the variables that a quantifier binds, are lists of the node.
+An expression tree is a list in preorder. A node has its operator (`and`, `over all`, `increase`,
+`predicate` ...), and a leaf also its predicate, function, number or variable; the terms of a node,
+and the variables of a quantifier, are lists of the node.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def _table(name: str, *items: Any) -> None:
 
 
 def _identity(element: str, *items: Any) -> None:
-    """Make the table of an element for ever, apart from what held of it when."""
+    """Make the table of permanent identities, separate from their versions."""
     _table(
         element,
         _key("id"),
@@ -79,7 +79,7 @@ def _identity(element: str, *items: Any) -> None:
 
 
 def _version(element: str, *items: Any) -> None:
-    """Make the table of what held of an element from one revision until another."""
+    """Make the table of an element's versions."""
     owner, table = f"{element}_id", f"{element}_version"
     _table(
         table,
@@ -93,7 +93,7 @@ def _version(element: str, *items: Any) -> None:
 
 
 def _list(element: str, name: str, *items: Any) -> None:
-    """Make the table of a list that each version of an element has."""
+    """Make the table of a list in each version of an element."""
     _table(f"{element}_{name}", _key(f"{element}_id"), _key("since", comment=ASSERTED), *items)
 
 
@@ -316,7 +316,7 @@ _version(
     _optional("domain", ShortText, "a problem's domain"),
     _text("all of it on one line"),
 )
-# What stands at a position of a document: it is live elsewhere, or the position is empty.
+# The element at a position of a document: it is live elsewhere, or the position is empty.
 _list(
     "document",
     "item",

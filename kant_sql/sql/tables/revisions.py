@@ -37,7 +37,7 @@ _GIVEN = "what the planner was given, if it is not what the store writes"
 
 
 class Record:
-    """What is recorded once, about an earlier revision."""
+    """A record about an earlier revision."""
 
     kb_id = kb_column()
     id = owner_column()
@@ -62,7 +62,7 @@ def _to_execution() -> ForeignKeyConstraint:
 
 
 class PlanRow(Record, Base):
-    """A plan, for ever."""
+    """A plan, which never changes."""
 
     __tablename__ = "plan"
     __table_args__ = record_args("plan", "problem")
@@ -81,12 +81,12 @@ class PlanRow(Record, Base):
 
 
 class ExecutionRow(Base):
-    """A step of a plan, or an act without a plan: what was to be done, or was done."""
+    """A step of a plan, or an act without a plan."""
 
     __tablename__ = "execution"
     __has_rowid__ = False
-    # No reference from `since`: that of its first version, or of its plan, says the same, and
-    # another index would be a tenth of what an act costs.
+    # No reference from `since`: that of its first version, or of its plan, is the same, and another
+    # index would be a tenth of the cost of an act.
     __table_args__ = (
         reference("action_id", "action"),
         CheckConstraint("(action_id IS NULL) <> (name IS NULL)", name="action_or_name"),
@@ -128,7 +128,7 @@ class ExecutionArgumentRow(Base):
 
 
 class ExecutionVersionRow(VersionRow, Base):
-    """The outcome of an execution, for a time; a step of a plan without a row was not started."""
+    """An interval in which an execution had one outcome; a step without a row was not started."""
 
     __tablename__ = "execution_version"
     __has_rowid__ = False
@@ -158,7 +158,7 @@ class ExecutionVersionRow(VersionRow, Base):
 
 
 class RevisionExecutionRow(Base):
-    """The execution that was running when a revision was made, as its writer said."""
+    """The running execution that the writer of a revision named."""
 
     __tablename__ = "revision_execution"
     __table_args__ = (
@@ -184,7 +184,7 @@ class KnowledgeBaseRow(Base):
 
 
 class HeadRow(Base):
-    """The state of a knowledge base. Writers lock this row, so it is apart from the identity."""
+    """The head of a knowledge base. Writers lock this row, so it is separate from the identity."""
 
     __tablename__ = "head"
     __table_args__ = (ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),)
@@ -212,12 +212,12 @@ class HeadRow(Base):
     heard_at = optional(datetime, comment="UTC, when the origin was last heard of")
 
 
-# The numbers of a head before the first revision. All else in it is NULL.
+# The numbers of a head before the first revision. The other columns are NULL.
 EMPTY_HEAD = {"revision": 0, "definition_revision": 0, "next_id": 1, "archived_revision": 0}
 
 
 class RevisionRow(Base):
-    """Who changed the knowledge base, when and why; `docs/hash.md` says what `hash` covers."""
+    """Who changed the knowledge base, when and why; `docs/hash.md` specifies `hash`."""
 
     __tablename__ = "revision"
     __table_args__ = (
@@ -243,7 +243,7 @@ class RevisionRow(Base):
 
 
 class RequestRow(Base):
-    """A request over HTTP that made a revision: repeated, it gets the same answer."""
+    """A request over HTTP that made a revision: a repetition gets the same answer."""
 
     __tablename__ = "request"
     __table_args__ = (
@@ -286,7 +286,7 @@ class PromotionRow(Record, Base):
 
 
 class ErasureRow(Record, Base):
-    """An erasure: by whom and why is in its revision, and what it erased is nowhere."""
+    """An erasure: its revision has the actor and the reason; the erased texts are nowhere."""
 
     __tablename__ = "erasure"
     __table_args__ = record_args("erasure", "upto")
@@ -300,11 +300,11 @@ class ErasureRow(Record, Base):
 
 
 class CommitmentRow(Base):
-    """A part of a revision whose seed was destroyed, because one of its parts was erased."""
+    """A part of a revision whose seed an erasure destroyed."""
 
     __tablename__ = "commitment"
     __table_args__ = (
-        # To its revision only: a replica has rows of an erasure before that itself.
+        # To its revision only: a replica has rows of an erasure before the erasure itself.
         ForeignKeyConstraint(["kb_id", "number"], REVISION),
         CheckConstraint("(salt IS NULL) <> (erasure_id IS NULL)", name="kept_or_erased"),
         CheckConstraint("(commitment IS NULL) = (erasure_id IS NULL)", name="commitment_of_erased"),
@@ -328,7 +328,7 @@ class CommitmentRow(Base):
 
 
 class ReplacementRow(Base):
-    """What took the place of something erased; a later erasure may have replaced it again."""
+    """The replacement of an erased text; a later erasure may have replaced it again."""
 
     __tablename__ = "replacement"
     __has_rowid__ = False
@@ -350,7 +350,7 @@ class ReplacementRow(Base):
 
 
 class VerificationRow(Base):
-    """Up to which revision a knowledge base was verified."""
+    """The last verified revision of a knowledge base."""
 
     __tablename__ = "verification"
     __table_args__ = (ForeignKeyConstraint(["kb_id"], ["knowledge_base.id"]),)

@@ -1,4 +1,4 @@
-"""The pages of executions: what was done, by whom, and what came of it."""
+"""The pages of executions: acts with their actors and outcomes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..registry import After, Pages, SinceMoment, UntilMoment, bound, moment
 
 PAGES = Pages("acts")
 
-# How many executions a page has, and how many revisions of one.
+# Executions on a page, and revisions of one execution.
 EXECUTIONS, REVISIONS = 50, 20
 
 ActionName = Annotated[
@@ -42,7 +42,7 @@ class ActsPage(NamedTuple):
 
 @dataclass(frozen=True)
 class ActPage:
-    """An execution, each outcome that it had, and its changes.
+    """An execution, its outcomes, and its changes.
 
     `changed` has the last revisions that set an outcome or name it, newest first, of `total`.
     """
@@ -68,7 +68,7 @@ def acts(
 ) -> ActsPage:
     """List executions, latest outcome first: who began each, why, and the outcome.
 
-    Steps of plans that were not started are left out.
+    It omits steps of plans that were not started.
     """
     asked = ExecutionFilter(action or None, object or None, outcome or None, actor or None)
     found, end = read_acts(kb, asked, EXECUTIONS, since, until, after)

@@ -55,7 +55,7 @@ class FoundAnswers(NamedTuple):
 
 
 class FoundPeriods(NamedTuple):
-    """The periods in which a condition held, between two times, and how many there are."""
+    """The periods in which a condition held, between two times, and their number."""
 
     columns: tuple[str, ...]
     begin: datetime
@@ -65,7 +65,7 @@ class FoundPeriods(NamedTuple):
 
 
 class AskPage(NamedTuple):
-    """A condition, and what was found; nothing without a condition."""
+    """A condition and its answers, if there is a condition."""
 
     condition: str
     state: FoundAnswers | None = None
@@ -73,7 +73,7 @@ class AskPage(NamedTuple):
 
 
 class Completions(NamedTuple):
-    """Names that may be meant by their beginning."""
+    """Names with a given beginning."""
 
     names: list[Completion]
 
@@ -91,7 +91,7 @@ def ask(
     limit: Limit = 200,
     valid: Valid = "",
 ) -> AskPage:
-    """Ask a condition: for which objects it holds in a state, or in which periods it held."""
+    """Evaluate a condition: for which objects it holds in a state, or in which periods it held."""
     if not condition.strip():
         return AskPage(condition)
     typed = parameters.strip() or None

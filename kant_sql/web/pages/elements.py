@@ -26,7 +26,7 @@ from ..rendering import link
 PAGES = Pages("elements")
 
 VERSIONS, CHANGES = 50, 100
-# Links to what a fact led to, and goes back to, and how far they are followed.
+# The number of consequences and origins of a fact, and their depth.
 CAUSES, CAUSES_DEPTH = 20, 3
 # A longer definition is not compared line by line.
 MOST_LINES = 1_000
@@ -78,7 +78,7 @@ class FactPage:
 
 
 def _drawn(page: FactPage, query: Mapping[str, Any]) -> str:
-    """Draw what an element goes back to and what it led to."""
+    """Draw the origins and the consequences of an element."""
     if page.origins is None or page.consequences is None:
         return ""
     return draw_causes(page.origins, page.consequences, partial(link, kb=query["kb"]))
@@ -86,9 +86,9 @@ def _drawn(page: FactPage, query: Mapping[str, Any]) -> str:
 
 @PAGES.page("/fact", "fact.html", rows=["versions"], draw=_drawn)
 def fact(kb: KnowledgeBase, text: FactText, before: Before = None) -> FactPage:
-    """Show who asserted and retracted an element, when and why, and what is related to it.
+    """Show who asserted and retracted an element, when and why, and related steps and causes.
 
-    There are no versions of derived facts, nor of what was said of periods alone.
+    Derived facts, and elements that occur only in sayings, have no versions.
     """
     try:
         found = element_pages.read_element_page(state_of(kb), text, before=before, limit=VERSIONS)
@@ -108,7 +108,7 @@ def _causes(kb: KnowledgeBase, text: str) -> tuple[CauseLinks, CauseLinks]:
 
 
 def _without_versions(kb: KnowledgeBase, text: str) -> FactPage | None:
-    """Show the causes of a derived fact or of an absence, or what was said of periods alone."""
+    """Show the causes of a derived fact or of an absence, or the sayings about an element."""
     page = element_pages.ElementPage(text, [], [], None, None, [], [], 0)
     with suppress(InvalidKnowledgeError):
         for literal in (text, f"(not {text})"):
@@ -170,7 +170,7 @@ def _difference(older: list[str], newer: list[str]) -> Iterator[str]:
 
 SEARCH = Pages("search")
 
-# How many matches a page has.
+# Matches on a page.
 MATCHES = 100
 
 Sought = Annotated[
@@ -183,10 +183,10 @@ Sought = Annotated[
 
 
 class SearchPage(NamedTuple):
-    """What was found; `revision` and `moment` if the text is a revision's number or a time.
+    """The matches; `revision` and `moment` if the text is a revision's number or a time.
 
-    `matches` begins with what has this very name, then come names that begin so, then facts of the
-    object of this name, then what contains the text. `is_cut`: more than these may match.
+    `matches` has exact names first, then names that begin with the text, then facts of the object
+    of this name, then other matches. `is_cut`: there may be more.
     """
 
     q: str

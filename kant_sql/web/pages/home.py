@@ -22,9 +22,9 @@ T = TypeVar("T")
 
 PAGES = Pages("knowledge bases")
 
-# Whether all goals are reached is asked of so many knowledge bases, where counting is no answer.
+# Knowledge bases whose goals are evaluated, if counting is not enough.
 MOST_ASKED = 8
-# Seconds that the database may take for each statement of that.
+# The maximum seconds for each statement of that.
 GOAL_SECONDS = 1.0
 
 After = Annotated[str | None, Query(description="The last name of the page before.")]
@@ -35,8 +35,8 @@ Part = Annotated[str | None, Query(description="What the names contain.")]
 class ListedKnowledgeBase:
     """A knowledge base of the home page.
 
-    `is_goal_reached` is about all goals; null: not asked. `verification` is what this server has
-    verified.
+    `is_goal_reached` covers all goals; null: not evaluated. `verification` is this server's last
+    result.
     """
 
     _json_ = "*inventory", "is_goal_reached", "verification"
@@ -64,8 +64,8 @@ def knowledge_bases(store: OpenStore, after: After = None, part: Part = None) ->
 
 
 def briefly(question: Callable[[], T]) -> T | None:
-    """Ask a question; None when it takes too long, or cannot be answered."""
-    # Its own page says what is wrong; all else is shown all the same.
+    """Run a question; None if it takes too long, or fails."""
+    # Its own page shows the error; show the rest here.
     try:
         with limited(seconds=GOAL_SECONDS):
             return question()

@@ -1,4 +1,4 @@
-"""The page of a merge: what a branch would bring, and what both sides say differently."""
+"""The page of a merge: the changes of a branch, and the conflicts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..registry import Pages
 
 PAGES = Pages("branches")
 
-# How many changes and how many conflicts a page has.
+# Changes, and conflicts, on a page.
 MOST = 200
 
 BranchName = Annotated[str, Query(description="The branch, a knowledge base of this store.")]
@@ -26,8 +26,8 @@ class MergePage(NamedTuple):
 
     Attributes:
         merge: the first 200 changes and conflicts; null without a branch.
-        changes: how many changes there are.
-        conflicts: how many conflicts there are.
+        changes: the number of changes.
+        conflicts: the number of conflicts.
     """
 
     merge: Merge | None

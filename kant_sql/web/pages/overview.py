@@ -1,4 +1,4 @@
-"""The page of a knowledge base: what is going on."""
+"""The overview page of a knowledge base."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .home import briefly
 
 PAGES = Pages("overview")
 
-# How much of each there is.
+# The number of each.
 MOST_RUNNING, MOST_GOALS, MOST_RULES, MOST_EXPECTED = 50, 100, 100, 20
 LAST_DONE, LAST_CHANGES = 10, 8
 
@@ -28,8 +28,8 @@ LAST_DONE, LAST_CHANGES = 10, 8
 class OverviewPage(NamedTuple):
     """An overview: the newest of each kind, up to a number.
 
-    `unconfirmed` has what was expected of acts and not seen. It, `goals` or `rules` is null where
-    it takes too long to find out; `done` has acts that do not run.
+    `unconfirmed` has unconfirmed effects of acts. It, `goals` and `rules` are null if they take too
+    long; `done` has ended acts.
     """
 
     running: list[Execution]

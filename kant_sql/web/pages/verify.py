@@ -62,7 +62,7 @@ async def verify_page(request: Request, kb_name: KbName = None) -> Response:
 
 @PAGES.api.get("/verify", response_model=schema_of(VerificationState))
 async def verify_state(request: Request, kb_name: KbName = None) -> Response:
-    """Return the progress of the running verification, and the result of the last one.
+    """Return the progress of a running verification, and the result of the last one.
 
     The server remembers them until it is stopped.
     """
@@ -74,7 +74,7 @@ async def verify_state(request: Request, kb_name: KbName = None) -> Response:
 async def verify_from_page(
     request: Request, kb_name: KbName = None, cancel: Cancel = False
 ) -> Response:
-    """Start a verification, or cancel it, and lead to the page that shows it."""
+    """Start a verification, or cancel it, and redirect to its page."""
     body = await _body(request)
     name = await _start(request, kb_name, lambda: _anchor_of_form(body), cancel)
     return RedirectResponse(link("/verify", kb=name), 303)
@@ -93,7 +93,7 @@ async def verify_from_page(
 async def start_verification(
     request: Request, kb_name: KbName = None, cancel: Cancel = False
 ) -> Response:
-    """Start a verification: every hash is recomputed, and all redundant data compared.
+    """Start a verification, which recomputes every hash and compares all redundant data.
 
     One runs at a time for each knowledge base; the request returns at once. The body may be an
     anchor, to compare with.
@@ -126,7 +126,7 @@ async def _start(
 ) -> str:
     """Start or cancel a verification; return the name of the knowledge base.
 
-    A large anchor takes its time, which other readers do not wait for: a thread reads it.
+    A thread reads the anchor, so other readers do not wait for a large one.
     """
     store: OpenStore = request.app.state.store
 
@@ -148,7 +148,7 @@ async def _start(
 async def anchor(request: Request, kb_name: KbName = None) -> Response:
     """Return the heads of all knowledge bases of the store, as a file to keep elsewhere.
 
-    A later verification that is given this file finds revisions that were removed or rewritten.
+    Give this file to a later verification to find removed or rewritten revisions.
     """
     require_all(request)
     store: OpenStore = request.app.state.store

@@ -148,7 +148,7 @@ REFUSED: list[tuple[list[str], int, str]] = [
     (["--write", "--kb", "nobody"], 1, "has no knowledge base 'nobody'"),
     (["--write", "checked", "--kb", "nobody"], 1, "has no knowledge base 'nobody'"),
     (["--write", "everything"], 2, "expected branch or checked"),
-    (["--kb", "ward"], 2, "goes with --write checked"),
+    (["--kb", "ward"], 2, "needs --write checked"),
 ]
 
 
