@@ -277,6 +277,14 @@ def test_action_costs() -> None:
     assert not made.has_fluent("total-cost")
 
 
+def test_action_costs_count_from_zero_without_a_value() -> None:
+    domain = read_domain("""(define (domain d) (:predicates (p)) (:functions (total-cost))
+      (:action pay :parameters () :effect (and (p) (increase (total-cost) 2))))""")
+    text = "(define (problem x) (:domain d) (:init) (:goal (p)) (:metric minimize (total-cost)))"
+    made = to_unified_planning(domain, problem=read_problem(text, domain=domain))
+    assert isinstance(made.quality_metrics[0], model.MinimizeActionCosts)
+
+
 @pytest.mark.parametrize(
     "change",
     [
