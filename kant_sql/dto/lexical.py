@@ -177,19 +177,20 @@ def check_number(value: Any, role: str) -> Decimal:
     if kind is bool or not isinstance(value, _NUMBERS):
         raise refusal(role, "a number", value)
     number = Decimal(float.__repr__(value)) if isinstance(value, float) else Decimal(value)
-    if not _is_writable(number):
+    if not is_writable(number):
         raise refusal(role, f"a finite number of at most {MAX_DIGITS} digits", value)
     return number
 
 
-def _is_writable(number: Decimal) -> bool:
+def is_writable(number: Decimal) -> bool:
+    """Return whether PDDL text has a number, which may have as many digits behind the point."""
     _, digits, exponent = number.as_tuple()
     return isinstance(exponent, int) and max(len(digits) + exponent, -exponent) <= MAX_DIGITS
 
 
 def decimal_text(number: Decimal) -> str:
     """Write an exact number."""
-    if not _is_writable(number):
+    if not is_writable(number):
         raise InvalidKnowledgeError(
             f"PDDL text cannot express the number {str(number)[:60]}; give a finite number of at "
             f"most {MAX_DIGITS} digits"

@@ -12,7 +12,7 @@ from typing import Final, NoReturn
 
 from ..arguments import shown
 from ..dto import formulas as f
-from ..dto.lexical import MAX_DIGITS, NUMBER, either_text, fold, is_name
+from ..dto.lexical import MAX_DIGITS, NUMBER, either_text, fold, is_name, is_writable
 from .cursor import VARIABLES, Cursor, Diagnostics, Group, Section, hint
 from .symbols import BoundVariable, Entity, Fit, Head, Signature, Signatures, SymbolTable, Types
 
@@ -576,10 +576,8 @@ class FormulaReader(Cursor):
 
     def _bounded(self, token: str) -> Decimal:
         """Convert a number; refuse one with too many digits."""
-        value = Decimal(token) if len(token) <= MAX_DIGITS else Decimal(f"1e{MAX_DIGITS}")
-        digits, exponent = value.as_tuple().digits, value.as_tuple().exponent
-        assert isinstance(exponent, int)
-        if max(len(digits) + exponent, -exponent) > MAX_DIGITS:
+        # The longest number has a sign, and all its digits before and behind a point.
+        if len(token) > 2 * MAX_DIGITS + 2 or not is_writable(value := Decimal(token)):
             self.fail(f"a number of at most {MAX_DIGITS} digits")
         return value
 

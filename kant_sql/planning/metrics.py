@@ -89,7 +89,8 @@ def is_sum_of_costs(domain: Domain, problem: Problem) -> bool:
     if not is_function(metric.expression, f.TOTAL_COST):
         return False
     starts = [value for fluent, value in problem.values if is_function(fluent, f.TOTAL_COST)]
-    if not starts or not all(isinstance(value, f.Number) and value.value == 0 for value in starts):
+    # Without a value, it counts from 0.
+    if not all(isinstance(value, f.Number) and value.value == 0 for value in starts):
         return False
     static = static_functions(domain, problem)
     return not any(_mentions(node) for node in _readers(domain, problem)) and all(

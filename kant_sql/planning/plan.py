@@ -180,7 +180,8 @@ _FD_TIME = r"^\[t=[^\]]*\]\s*"
 _COST = rf"(?i);\s*cost\s*=\s*(?P<value>{_NUMBER})\s*\((?P<kind>\w+) cost\)"
 _FD_COST = rf"Plan cost: (?P<value>{_NUMBER})$"
 _METRIC = (
-    rf"(?i)(?:;\s*(?:Plan found with metric|Cost:)|Metric \(Search\):)\s*(?P<value>{_NUMBER})$"
+    r"(?i)(?:;\s*(?:Plan found with metric|Cost:|MetricValue)|Metric \(Search\):)"
+    rf"\s*(?P<value>-?{_NUMBER})$"
 )
 _OURS = r";\s*(?P<status>solved_[a-z]+)(?: by (?P<engine>\S.*))?$"
 # The lines after which a log has the steps of a plan; those of POPF may follow its progress.

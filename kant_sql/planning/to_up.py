@@ -111,12 +111,12 @@ class UpConversion:
         from unified_planning.model import Object
 
         context = self.context
-        branches = context.types.branches(item.types)
-        if len(branches) > 1:
+        types = context.types.narrowest(item.types)
+        if len(types) > 1:
             raise context.unsupported(
                 f"{item.name} - {item.type_text}", "an object has one type there; give it one"
             )
-        made = Object(context.names.of(n.OBJECT, item.name), branches[0], context.environment)
+        made = Object(context.names.of(n.OBJECT, item.name), types[0], context.environment)
         known = context.objects.setdefault(fold(item.name), made)
         if known is not made and known.type != made.type:
             raise context.unsupported(item.name, f"it is of {known.type.name} as well")

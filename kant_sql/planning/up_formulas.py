@@ -67,6 +67,12 @@ class UpTypes:
         kept = [key for key in keys if not set(self._ancestors(key)[1:]) & set(keys)]
         return [self._type(key) for key in kept]
 
+    def narrowest(self, types: Iterable[str]) -> list[Type]:
+        """Return the types of an object, which has all of them, without supertypes of others."""
+        keys = list(dict.fromkeys(map(fold, types)))
+        above = {name for key in keys for name in self._ancestors(key)[1:]}
+        return [self._type(key) for key in keys if key not in above]
+
     def _type(self, key: str) -> Type:
         if key not in self._types:
             father = self._father[key]

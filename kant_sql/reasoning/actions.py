@@ -391,6 +391,8 @@ def _updated(update: Update, value: Exact | int | None) -> Exact | int:
     operator, by = update
     if operator == "assign" or isinstance(by, int):
         return by
+    # Only the cost of a plan is changed without a value.
+    value = Decimal(0) if value is None else value
     assert isinstance(value, Decimal | Fraction)
     result = EXACT.apply(CHANGES[operator], value, by)
     assert result is not None

@@ -118,7 +118,8 @@ def _is_defined(action: PreparedAction, item: EffectItem) -> Iterator[r.Part]:
     if any(not isinstance(each, Decimal) for each in r.parts_of(value)):
         yield r.Compares("=", value, value)
     function = action.definitions.functions.live(item.head)
-    if item.operator != "assign" and fold(function.name) != TOTAL_COST:
+    is_cost = fold(function.name) == TOTAL_COST and not function.parameters
+    if item.operator != "assign" and not is_cost:
         own = r.NumberOf(item.head, item.terms)
         yield r.Compares("=", own, own)
     if item.operator == "scale-down":

@@ -487,6 +487,10 @@ class PlanExecution:
         if self.problem.metric is None:
             return None
         self.world.total_time = self.makespan
+        cost = self.world.definitions.functions.named(f.TOTAL_COST)
+        if cost is not None:
+            # A plan without costs has the cost 0 (IPC 2008), whether the problem says so or not.
+            self.world.table(cost.id).setdefault((), Decimal(0))
         for name, count in self.violated.items():
             key = fold(name)
             self.world.violations[key] = self.world.violations.get(key, 0) + count

@@ -20,7 +20,7 @@ from operator import itemgetter
 from typing import Any, Protocol
 
 from ..dto.elements import atom_text
-from ..dto.formulas import TOTAL_COST, Atom, Expression, Fluent, Number, Term, TypedName
+from ..dto.formulas import Atom, Expression, Fluent, Number, Term, TypedName
 from ..dto.lexical import ROOT_TYPE, fold
 from ..knowledge import definitions as d
 from ..knowledge.reads import Head
@@ -318,8 +318,3 @@ def fill(world: World, problem: Problem) -> None:
         world.add(*fact_of(world, atom))
     for fluent, value in problem.values:
         world.set(*value_of(world, fluent, value))
-    definitions = world.definitions
-    for function in definitions.functions:
-        if fold(function.name) == TOTAL_COST and not (function.parameters or function.type_ids):
-            # Action costs count from 0 (IPC 2008), whether the problem says so or not.
-            world.table(function.id).setdefault((), Decimal(0))

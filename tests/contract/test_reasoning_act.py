@@ -792,7 +792,24 @@ def test_processes_and_events_are_no_steps(fresh_kb: KnowledgeBase) -> None:
 
 def test_costs_begin_at_zero(fresh_kb: KnowledgeBase) -> None:
     fresh_kb.load_domain("""(define (domain d) (:functions (total-cost))
-      (:action pay :parameters () :effect (increase (total-cost) 2)))""")
+      (:action pay :parameters () :effect (increase (total-cost) 2))
+      (:action save :parameters () :precondition (< (total-cost) 3)))""")
     fresh_kb.load_problem("(define (problem p) (:domain d) (:init) (:goal (and)))")
+    # A comparison with what has no value is false, of costs as of other fluents.
+    assert fresh_kb.validate("(save)\n").failed_step is not None
+    assert texts(fresh_kb.applicable_actions()) == ["(pay)"]
     fresh_kb.apply("(pay)")
     assert fresh_kb.function_values.get("total-cost") == 2
+    assert texts(fresh_kb.applicable_actions()) == ["(pay)", "(save)"]
+
+
+def test_only_the_cost_of_all_begins_at_zero(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain("""(define (domain d) (:functions (total-cost ?x))
+      (:action pay :parameters (?x) :effect (increase (total-cost ?x) 2)))""")
+    fresh_kb.load_problem("""(define (problem p) (:domain d) (:objects rb1 rb2)
+      (:init (= (total-cost rb1) 0)) (:goal (and)))""")
+    assert texts(fresh_kb.applicable_actions()) == ["(pay rb1)"]
+    assert texts(iter(fresh_kb.state().applicable_actions())) == ["(pay rb1)"]
+    with pytest.raises(NotApplicableError):
+        fresh_kb.apply("(pay rb2)")
+    assert len(fresh_kb.why_not("(pay rb2)")) == 1

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
+
 import pytest
 from hypothesis import example, given
 
 from kant_sql import PddlObjectDto, PddlTypeDto
+from kant_sql.dto.formulas import Fluent, Number
+from kant_sql.dto.lexical import MAX_DIGITS
 from kant_sql.pddl import read_domain, read_problem, write
-from kant_sql.pddl.document import Domain, PddlWarning, Problem
+from kant_sql.pddl.document import Domain, Function, FunctionValue, PddlWarning, Problem
 from kant_sql.pddl.given import read_action, read_function, read_object, read_predicate, read_type
 from kant_sql.pddl.symbols import SymbolTable
 from tests.support.generators.documents import domains_and_problems
@@ -29,6 +33,15 @@ def check(domain: Domain, problem: Problem, strict: bool) -> tuple[Warnings, War
     assert again == problem
     assert write(again) == text
     return read.warnings, again.warnings
+
+
+@pytest.mark.parametrize(
+    "digits", [f"-{'9' * MAX_DIGITS}", f"-{'9' * MAX_DIGITS}.{'1' * MAX_DIGITS}"]
+)
+def test_the_longest_numbers_round_trip(digits: str) -> None:
+    number = Number(Decimal(digits))
+    domain = Domain("d", (":numeric-fluents",), functions=(Function("n"),))
+    check(domain, Problem("p", "d", values=(FunctionValue(Fluent("n"), number),)), strict=True)
 
 
 @hunting(PROFILE.texts)

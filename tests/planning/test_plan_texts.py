@@ -105,6 +105,18 @@ def test_goals_that_hold_need_no_step() -> None:
         assert Plan.read(text).steps == ()
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "; Plan found with metric -2.5\n0: (stop) [1]\n",
+        "Found Plan:\n0.0: (stop)\n\nPlan-Length:1\nMetric (Search):-2.5\n",
+        "; Version LPG-td-1.0\n; MetricValue -2.5\n\n0.0000:   (STOP) [1.0000]\n",
+    ],
+)
+def test_the_value_of_a_metric_may_be_negative(text: str) -> None:
+    assert Plan.read(text).value == Decimal("-2.5")
+
+
 def test_what_a_search_by_enhsp_waits_for_is_no_step() -> None:
     text = "Found Plan:\n0.0: (open valve)\n0.0: -----waiting---- [5.0]\n5.0: (close valve)\n"
     assert [step.action for step in Plan.read(text).steps] == ["open", "close"]

@@ -60,6 +60,13 @@ def test_either_in_a_parameter_makes_an_action_for_each_type() -> None:
     assert {action.name for action in made.actions} == {"move", "wash_truck", "wash_place"}
 
 
+def test_an_object_of_a_type_and_of_its_subtype_is_of_the_subtype() -> None:
+    domain = read_domain("(define (domain d) (:types a - object b - a) (:predicates (p ?x - b)))")
+    text = "(define (problem x) (:domain d) (:objects o - (either a b)) (:init) (:goal (and)))"
+    made = to_unified_planning(domain, problem=read_problem(text, domain=domain))
+    assert made.object("o").type.name == "b"
+
+
 def test_either_in_a_quantifier_and_a_predicate() -> None:
     domain = """
     (define (domain d) (:types a b - top c)
@@ -275,6 +282,14 @@ def test_action_costs() -> None:
     assert isinstance(metric, model.MinimizeActionCosts)
     assert str(metric.get_action_cost(made.action("move"))) == "(length(a, b) + 1)"
     assert not made.has_fluent("total-cost")
+
+
+def test_action_costs_count_from_zero_without_a_value() -> None:
+    domain = read_domain("""(define (domain d) (:predicates (p)) (:functions (total-cost))
+      (:action pay :parameters () :effect (and (p) (increase (total-cost) 2))))""")
+    text = "(define (problem x) (:domain d) (:init) (:goal (p)) (:metric minimize (total-cost)))"
+    made = to_unified_planning(domain, problem=read_problem(text, domain=domain))
+    assert isinstance(made.quality_metrics[0], model.MinimizeActionCosts)
 
 
 @pytest.mark.parametrize(

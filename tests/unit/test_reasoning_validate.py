@@ -144,6 +144,8 @@ def test_action_costs_count_from_zero() -> None:
       (:action a :parameters () :effect (and (p) (increase (total-cost) 3)))"""
     found = run(domain, "(:init) (:goal (p)) (:metric minimize (total-cost))", "a", "a")
     assert (found.valid, found.metric_value) == (True, Decimal(6))
+    found = run(domain, "(:init (p)) (:goal (p)) (:metric minimize (total-cost))")
+    assert (found.valid, found.metric_value) == (True, Decimal(0))
 
 
 def test_object_fluents_are_executed() -> None:
