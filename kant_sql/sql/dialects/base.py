@@ -13,7 +13,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, closing, contextmanager, nullcontext
 from datetime import UTC, datetime
-from itertools import chain
 from math import isinf
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
@@ -323,7 +322,7 @@ class Session(ABC):
         if count == 1:
             self._execute(insert_text(into, self.placeholder), rows[0])
         elif 1 < count <= FEW_ROWS:
-            values = [*chain.from_iterable(rows)]
+            values = [value for row in rows for value in row]
             self._execute(insert_text(into, self.placeholder, count), values)
         elif rows:
             self._execute_many(insert_text(into, self.placeholder), rows)
