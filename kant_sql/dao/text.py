@@ -44,7 +44,7 @@ def read_text(
     """Read a text with one of the functions of `pddl.given`, most of which need known names."""
     if not needs_names:
         return read(str(given))
-    return read(str(given), symbols=symbols_of(transaction.definitions))
+    return read(str(given), symbols=symbols_of(transaction.definitions.current()))
 
 
 def read_stored(transaction: Transaction, read: Callable[..., T], given: str | Node) -> T | None:

@@ -154,10 +154,7 @@ class Transaction:
 
     def _touched(self) -> list[PendingChanges]:
         """Return what was touched, in the order of writing."""
-        ledgers = self._ledgers
-        if len(ledgers) < 2:
-            return [*ledgers.values()]
-        return [ledgers[name] for name in _ORDER if name in ledgers]
+        return [self._ledgers[name] for name in sorted(self._ledgers, key=_ORDER.index)]
 
     @property
     def age(self) -> float:

@@ -62,6 +62,14 @@ def test_a_write_runs_few_functions(kb: KnowledgeBase) -> None:
     assert calls(work) <= 335
 
 
+def test_a_write_by_text_runs_few_functions(kb: KnowledgeBase) -> None:
+    def work() -> None:
+        kb.propositions.delete("(at rb1 hall)")
+        kb.propositions.save("(at rb1 hall)")
+
+    assert calls(work) <= 480
+
+
 def test_a_read_runs_few_functions(kb: KnowledgeBase) -> None:
     assert calls(lambda: kb.holds("(at rb1 hall)")) <= 60
     few, many = calls(kb.types.get_all), calls(kb.propositions.get_all)
