@@ -281,7 +281,15 @@ def when(
     where = _find_range(state, since, until, clock)
     given = where.definitions if isinstance(where, valid_sweep.ValidPast) else None
     text = text_of(condition)
-    questions = _questions(lambda part: ask(store, part, parameters, bindings, upto, given), text)
+    try:
+        questions = _questions(
+            lambda part: ask(store, part, parameters, bindings, upto, given), text
+        )
+    except InvalidKnowledgeError:
+        if isinstance(where, Bounds):
+            # A name that is not here may be in the archive.
+            store.query_known(partial(read_range, bounds=where), None)
+        raise
 
     def work(session: Session, kb_id: int | None) -> tuple[list[Span], dict[int, str]]:
         searches = [] if kb_id is None else _searches(session, kb_id, questions, where)
