@@ -921,7 +921,11 @@ class SqliteBackend(Backend):
             return self._remove(mark)
 
     def _remove(self, mark: Query) -> bool:
-        connection = self.connect()
+        try:
+            connection = self.connect()
+        except (sqlite3.Error, StoreError):
+            # What went wrong before is told, not this.
+            return False
         try:
             connection.execute("PRAGMA busy_timeout=0")
             # This fails while another connection is open, and leaves one file of three.
