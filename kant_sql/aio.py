@@ -258,11 +258,23 @@ class _Crew:
         self._pool = ThreadPoolExecutor(size, "kant_sql")
         self._is_over = False
         self.writers = writers
-        self.doors: weakref.WeakSet[_Door] = weakref.WeakSet()
+        self._doors: weakref.WeakSet[_Door] = weakref.WeakSet()
         self._guard = threading.Lock()
         self._places: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, asyncio.Semaphore] = (
             weakref.WeakKeyDictionary()
         )
+
+    def admit(self, door: _Door) -> None:
+        """Note that a door has its threads here."""
+        with self._guard:
+            self._doors.add(door)
+
+    def begin_to_close(self) -> list[Callable[[], None]]:
+        """Refuse further calls of all doors; return what a thread has to do then."""
+        # Other event loops may open doors meanwhile.
+        with self._guard:
+            doors = [*self._doors]
+        return [door.begin_to_close() for door in doors if not door.is_closed]
 
     def submit(self, call: Callable[[], R]) -> Future[R]:
         """Queue a call."""
@@ -298,7 +310,7 @@ class _Door:
         self.is_closing = threading.Event()
         self._is_shared = shared is not None
         self._crew = _Crew() if shared is None else shared
-        self._crew.doors.add(self)
+        self._crew.admit(self)
         self._running: set[Future[Any]] = set()
         self._guard = threading.Lock()
         self._queues: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, asyncio.Lock] = (
@@ -1102,7 +1114,7 @@ class AsyncKnowledgeStore:
         if self._is_closed:
             return
         self._is_closed = True
-        closing = [door.begin_to_close() for door in self._crew.doors if not door.is_closed]
+        closing = self._crew.begin_to_close()
 
         def close() -> None:
             for end in closing:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
@@ -41,6 +41,7 @@ from ..sql.periods import (
 )
 from ..sql.valid_periods import Instant
 from ..store.state import State
+from ..store.store import Store
 from . import valid_sweep
 from .evaluate import Compiler
 from .sweep import (
@@ -281,7 +282,10 @@ def when(
     where = _find_range(state, since, until, clock)
     given = where.definitions if isinstance(where, valid_sweep.ValidPast) else None
     text = text_of(condition)
-    questions = _questions(lambda part: ask(store, part, parameters, bindings, upto, given), text)
+    with _archive_named(store, where):
+        questions = _questions(
+            lambda part: ask(store, part, parameters, bindings, upto, given), text
+        )
 
     def work(session: Session, kb_id: int | None) -> tuple[list[Span], dict[int, str]]:
         searches = [] if kb_id is None else _searches(session, kb_id, questions, where)
@@ -309,6 +313,17 @@ def _find_range(
     if is_valid_clock(clock):
         return valid_sweep.read_past(state.store, find_valid_range(state, since, until))
     return find_bounds(state, since, until)
+
+
+@contextmanager
+def _archive_named(store: Store, where: Bounds | valid_sweep.ValidPast) -> Iterator[None]:
+    """Where a name is unknown, refuse a range of which a part was archived: that may have it."""
+    try:
+        yield
+    except InvalidKnowledgeError:
+        if isinstance(where, Bounds):
+            store.query_known(partial(read_range, bounds=where), None)
+        raise
 
 
 def _searches(

@@ -395,8 +395,9 @@ def _inventory(
         _number(at_origin),
         _moment(session, said_at),
         _moment(session, heard_at),
-        _number(verified),
-        _moment(session, verified_at),
+        # 0 is the mark of a verification that found a fault.
+        _number(verified) or None,
+        None if verified == 0 else _moment(session, verified_at),
         _moment(session, complete_at),
         error,
     )

@@ -7,6 +7,7 @@ changed one.
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, suppress
@@ -121,6 +122,7 @@ class Store:
         # The archived revision and the count of erasures at the time of caching identities.
         self._known_of = 0, 0
         self._last: Committed | None = None
+        self._publishing = threading.Lock()
         self._clock_warned_at: float | None = None
         self.queue = backend.queue(name)  # the queue of its writers: equal values are one queue
         backend.sharers.add(self)
@@ -131,7 +133,8 @@ class Store:
         logger.info("%s: connected, knowledge base %r, actor %r", backend.label, name, actor)
 
     def forked(self) -> None:
-        """Start over in a forked child: another thread may have held locks of the caches."""
+        """Start over in a forked child: another thread may have held locks."""
+        self._publishing = threading.Lock()
         self._forget_identities()
         self.remembered.clear()
 
@@ -511,7 +514,11 @@ class Store:
 
     def _publish(self, transaction: Transaction, committed: Committed | None) -> None:
         if committed is not None:
-            self._kb_id, self._last = transaction.kb_id, committed
+            self._kb_id = transaction.kb_id
+            with self._publishing:
+                # Threads may come here in another order than they committed.
+                if self._last is None or self._last.number < committed.number:
+                    self._last = committed
             if transaction.erases:
                 # Concurrent readers may have cached the old texts.
                 self._definitions.forget()

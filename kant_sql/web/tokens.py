@@ -9,6 +9,7 @@ import json
 import logging
 import os
 import secrets
+import stat
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -142,8 +143,8 @@ class TokenFile:
         id_ = secrets.token_hex(_ID_BYTES)
         secret = f"{id_}.{secrets.token_urlsafe(_SECRET_BYTES)}"
         made = Token(id_, actor, names, chosen, _hash(secret), time_text(datetime.now(UTC)))
-        with self._changing():
-            self._write([*(self.tokens() if self._path.exists() else ()), made])
+        with self._changing() as folder:
+            self._write(folder, [*(self.tokens() if self._path.exists() else ()), made])
         return secret
 
     def revoke(self, id: str) -> Token:
@@ -152,7 +153,7 @@ class TokenFile:
         Raises:
             UnknownNameError: there is no token of this id.
         """
-        with self._changing():
+        with self._changing() as folder:
             tokens = self.tokens()
             found = next((one for one in tokens if one.id == id), None)
             if found is None:
@@ -161,33 +162,51 @@ class TokenFile:
                 )
             now = found.revoked_at or time_text(datetime.now(UTC))
             revoked = replace(found, revoked_at=now)
-            self._write([revoked if one is found else one for one in tokens])
+            self._write(folder, [revoked if one is found else one for one in tokens])
         return revoked
 
     @contextmanager
-    def _changing(self) -> Iterator[None]:
+    def _changing(self) -> Iterator[int]:
         """Let one process at a time change the file: none undoes what another revokes."""
         folder = os.open(self._path.resolve().parent, os.O_RDONLY)
         try:
             fcntl.flock(folder, fcntl.LOCK_EX)
-            yield
+            yield folder
         finally:
             os.close(folder)
 
-    def _write(self, tokens: Iterable[Token]) -> None:
-        """Write the file in one step, for its owner alone."""
+    def _write(self, folder: int, tokens: Iterable[Token]) -> None:
+        """Write the file in one step; a new one is for its owner alone."""
         # A link stays one: servers may know the file by its other name.
         path = self._path.resolve()
         beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
         text = json.dumps({"tokens": [asdict(one) for one in tokens]}, indent=2)
         try:
             with open(beside, "x", opener=lambda path, flags: os.open(path, flags, 0o600)) as file:
+                if path.exists():
+                    _share_alike(path, file.fileno())
                 file.write(f"{text}\n")
                 file.flush()
                 os.fsync(file.fileno())
             beside.replace(path)
+            # Otherwise a power cut can bring a revoked token back.
+            os.fsync(folder)
         finally:
             beside.unlink(missing_ok=True)
+
+
+def _share_alike(path: Path, made: int) -> None:
+    """Give a new file the owner, group and mode of the one it replaces: a server may read that."""
+    before, now = path.stat(), os.fstat(made)
+    try:
+        if (before.st_uid, before.st_gid) != (now.st_uid, now.st_gid):
+            os.fchown(made, before.st_uid, before.st_gid)
+        os.fchmod(made, stat.S_IMODE(before.st_mode))
+    except PermissionError as error:
+        raise InvalidArgumentError(
+            f"{path} belongs to another user, whose servers could not read it then; nothing was "
+            "changed: run the command as that user"
+        ) from error
 
 
 def _hash(token: str) -> str:

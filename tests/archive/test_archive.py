@@ -10,7 +10,7 @@ import pytest
 
 import kant_sql
 from kant_sql import KnowledgeBase, PddlObjectDto, PddlTypeDto
-from kant_sql.errors import ArchivedError, ConflictError
+from kant_sql.errors import ArchivedError, ConflictError, PddlError
 from kant_sql.history.archive import archive as archiving
 from kant_sql.sql.catalog import written_names
 from tests.support.archives import (
@@ -202,6 +202,23 @@ def test_what_was_said_of_the_time_before_it_may_be_of_what_was_moved(
         with pytest.raises(ArchivedError, match="archive"):
             ask()
     assert kb.at(valid="now").propositions.get_all() == kb.propositions.get_all()
+
+
+def test_periods_of_a_name_that_only_the_archive_has_are_asked_there(
+    kb: KnowledgeBase, archive_url: str
+) -> None:
+    kb.predicates.save("(tidy)")
+    kb.propositions.save("(tidy)")
+    kb.propositions.delete("(tidy)")
+    kb.predicates.delete("tidy")
+    counter.start(kb)
+    counter.increment(kb, 2)
+    kb.store.archive(kb.revision, to=archive_url)
+    for condition in ("(tidy)", "(not (tidy))"):
+        with pytest.raises(ArchivedError, match="archive"):
+            kb.when(condition, since=1)
+        with pytest.raises(PddlError, match="tidy"):
+            kb.when(condition, since=kb.revision)
 
 
 def test_counting_changes_nothing_and_creates_nothing(

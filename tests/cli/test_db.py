@@ -244,6 +244,18 @@ def test_an_upgrade_that_fails_leaves_no_new_file(
     assert os.listdir(tmp_path) == []
 
 
+def test_an_error_is_told_though_the_new_file_cannot_be_opened_any_more(tmp_path: Path) -> None:
+    path = tmp_path / "new.db"
+
+    def fail() -> None:
+        # A folder takes no connection, as a file whose folder is closed to its owner.
+        path.mkdir()
+        raise RuntimeError("the first fault")
+
+    with pytest.raises(RuntimeError, match="first"), leaving_nothing(f"sqlite:///{path}"):
+        fail()
+
+
 def test_downgrade_needs_just_a_url_and_a_version(new_url: str) -> None:
     commands.run("db", "upgrade", new_url)
     for known in (new_url, None):

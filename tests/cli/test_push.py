@@ -538,6 +538,27 @@ def test_it_waits_for_a_file_that_was_there(
 
 
 @pytest.mark.usefixtures("short_delays")
+def test_a_replica_that_is_behind_its_own_replica_waits_for_its_origin(
+    source: str, replica: str, tmp_path: Path
+) -> None:
+    between = target_url(tmp_path, "between.db")
+    run("push", source, between)
+    with kant_sql.connect(source, knowledge_base="tiago") as kb:
+        kb.objects.save("jane - robot")
+        kb.erase("jane", reason="she asked")
+    run("push", source, replica)
+
+    def act(events: Report) -> bool:
+        if events[-1].event == "waiting" and len(events) == 2:
+            run("push", source, between)
+        return events[-1].event in ("current", "refused")
+
+    events = followed(between, replica, act)
+    assert names_of(events) == ["waiting", "current"]
+    assert isinstance(events[1].error, kant_sql.errors.DivergedError)
+
+
+@pytest.mark.usefixtures("short_delays")
 def test_it_waits_for_space(source: str, replica: str, monkeypatch: pytest.MonkeyPatch) -> None:
     failures = iter([kant_sql.errors.StoreFullError("full")])
 

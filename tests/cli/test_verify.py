@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -306,37 +307,63 @@ def test_processes_find_what_one_finds_in_the_same_order(fleet: str) -> None:
     assert len(found(alone.stdout)) == 5
 
 
+# The command, each verification of which waits for its turn, in whatever process it is.
+BY_TURNS = """
+import os
+from kant_sql.cli import main, verifying
+
+verify = verifying._verify
+
+def wait_and_verify(*given):
+    with open(os.environ["TURNS"], "rb", buffering=0) as turns:
+        turns.read(1)
+    return verify(*given)
+
+verifying._verify = wait_and_verify
+
+if __name__ == "__main__":
+    main.run()
+"""
+
+
 @pytest.mark.more
 @pytest.mark.parametrize("jobs", ["1", "2"])
 def test_a_run_that_was_killed_goes_on(tmp_path: Path, jobs: str) -> None:
     """What was verified before is not verified again, and no process outlives the first."""
     url = f"sqlite:///{tmp_path / 'fleet.db'}"
-    names = [f"robot {number}" for number in range(60)]
+    names = [f"robot {number}" for number in range(30)]
     with kant_sql.open_store(url) as store:
         for name in names:
             kb = store.knowledge_base(name)
-            for number in range(12):
-                kb.propositions.save_all(robot_at(place=waypoint(each)) for each in range(20))
-                kb.propositions.delete_all()
-                kb.objects.save(waypoint(30 + number))
-    words = [sys.executable, "-m", "kant_sql.cli.main", "verify", url, "--all", "--json"]
-    words += ["--jobs", jobs]
+            kb.propositions.save_all(robot_at(place=waypoint(each)) for each in range(20))
+            kb.propositions.delete_all()
+    program, turns = tmp_path / "program.py", tmp_path / "turns"
+    program.write_text(BY_TURNS)
+    words = [sys.executable, str(program), "verify", url, "--all", "--json", "--jobs", jobs]
+    own = {**environment(), "TURNS": str(turns)}
     verified = 0
     for _ in range(3):
-        with subprocess.Popen(words, stdout=subprocess.PIPE, env=environment()) as process:
+        turns.unlink(missing_ok=True)
+        os.mkfifo(turns)
+        with (
+            turns.open("r+b", buffering=0) as given,
+            subprocess.Popen(words, stdout=subprocess.PIPE, env=own) as process,
+        ):
             assert process.stdout is not None
-            process.stdout.readline()
+            # So many may begin; it is killed when three fewer, at least, have ended.
+            given.write(b"x" * (verified + 7))
+            for _ in range(verified + 4):
+                assert process.stdout.readline()
             children = psutil.Process(process.pid).children(recursive=True)
             assert len(children) >= int(jobs != "1")
             process.send_signal(signal.SIGKILL)
         _, alive = psutil.wait_procs(children, 20)
         assert alive == []
         now = [one for one in kant_sql.operations.knowledge_bases(url) if one.verified_revision]
-        assert len(now) >= max(1, verified)
+        assert verified + 4 <= len(now) <= verified + 7 < len(names)
         verified = len(now)
-    assert verified < len(names)
     last = verify_all(url)[-1]
-    assert last.startswith("60 knowledge bases: all intact; ")
+    assert last.startswith("30 knowledge bases: all intact; ")
     assert last.endswith(f"{verified} continued")
 
 

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
@@ -577,6 +577,24 @@ async def test_what_is_opened_while_its_store_is_closed_is_closed(common_url: st
             await call()
     with pytest.raises(ClosedError):
         await store.knowledge_bases()
+
+
+async def test_another_event_loop_opens_what_it_likes_while_a_store_is_closed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    store = await kant_sql.aio.open_store("sqlite://")
+    kept = [store.knowledge_base(name) for name in ("tiago", "pepper")]
+    begin = kant_sql.aio._Door.begin_to_close
+
+    def open_more(door: kant_sql.aio._Door) -> Callable[[], None]:
+        kept.append(store.knowledge_base("late"))
+        return begin(door)
+
+    monkeypatch.setattr(kant_sql.aio._Door, "begin_to_close", open_more)
+    await store.close()
+    for kb in kept:
+        with pytest.raises(ClosedError):
+            await kb.revision()
 
 
 async def test_what_cannot_be_opened_is_refused_as_on_the_other_side() -> None:

@@ -13,7 +13,7 @@ import psycopg
 import pytest
 
 from kant_sql import KnowledgeBase, OutcomeUnknownError, StoreError
-from kant_sql.errors import ConnectionLostError
+from kant_sql.errors import ConnectionLostError, StoreReplacedError
 from kant_sql.sql.dialects import postgresql
 from kant_sql.sql.dialects.base import Session
 from kant_sql.sql.dialects.postgresql import PostgresqlSession
@@ -26,6 +26,7 @@ from tests.support.faults import (
     BOUND,
     WRITES,
     a_transaction,
+    change,
     closed_door,
     lose_answer,
     lose_at,
@@ -245,6 +246,31 @@ def test_a_lock_that_is_lost_to_another_thread_is_no_other_store(
     monkeypatch.setattr(store, "lock_head", lose_lock)
     assert one_call(kb) is True
     assert check_chain(shared_url) == {"default": 3}
+
+
+def test_a_replaced_store_is_told_by_the_last_commit_of_all_threads(
+    kb: KnowledgeBase, shared_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    publish = store.Store._publish
+
+    def let_another_commit(*given: Any) -> None:
+        monkeypatch.undo()
+        with ThreadPoolExecutor(1) as other:
+            assert other.submit(kb.objects.insert, waypoint(8)).result(60)
+        publish(*given)
+
+    monkeypatch.setattr(store.Store, "_publish", let_another_commit)
+    assert kb.objects.insert(waypoint(7))
+    _, second, third = kb.store.revisions()
+    assert third.number == 3
+    change(
+        shared_url,
+        "DELETE FROM object_version WHERE since = 3",
+        "DELETE FROM revision WHERE number = 3",
+        f"UPDATE head SET definition_revision = 2, revision = 2, hash = '{second.hash}'",
+    )
+    with pytest.raises(StoreReplacedError, match="revision 3, committed before, is not in it"):
+        kb.objects.insert(waypoint(9))
 
 
 @pytest.mark.usefixtures("impatient")

@@ -241,6 +241,7 @@ def test_a_folder_without_the_right_to_write_says_how_to_read(public_store: Path
     path.parent.chmod(0o555)
     (message,) = in_processes((sharing.refused, sqlite_url(path), ReadOnlyStoreError))
     assert "?mode=immutable" in message
+    assert "files -wal and -shm" in message
     in_processes((sharing.read_but_not_write, sqlite_url(path, "?mode=immutable")))
 
 

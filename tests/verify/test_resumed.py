@@ -438,3 +438,34 @@ def test_a_writer_is_not_refused_meanwhile(written: Written) -> None:
     verified = done(progress=work, keep=True, structure=False)
     assert verified.is_intact
     assert kb.store.verify(resume=True).continued_from == verified.revisions
+
+
+@pytest.mark.parametrize("is_kept_before", [False, True])
+@pytest.mark.parametrize("is_complete", [False, True])
+def test_an_older_one_that_ends_later_does_not_hide_a_fault(
+    shared_url: str, connect: Connect, is_kept_before: bool, is_complete: bool
+) -> None:
+    kb, other = (connect(shared_url, knowledge_base="tiago") for _ in range(2))
+    kb.propositions.save(robot_at())
+    if is_kept_before:
+        kb.store.verify(keep=True)
+    kb.propositions.save(robot_at(place=WP2))
+    found: list[Any] = []
+
+    def find(done: int, whole: int) -> None:
+        if not found:
+            rewrite(shared_url, "proposition_version SET fork = fork + 1 WHERE since = 1")
+            found.append(other.store.verify(keep=True))
+
+    old = kb.store.verify(progress=find, resume=not is_complete, keep=True)
+    assert not found[0].is_intact
+    assert (old.is_intact, old.is_kept) == (True, False)
+    assert "found a fault meanwhile" in str(old.keep_error)
+    [listed] = knowledge_bases(shared_url)
+    assert (listed.verified_revision, listed.verified_at, listed.complete_at) == (None, None, None)
+    assert not kb.store.verify(resume=True, keep=True).is_intact
+    # Once it is repaired, a complete one is kept again.
+    rewrite(shared_url, "proposition_version SET fork = fork - 1 WHERE since = 1")
+    repaired = kb.store.verify(resume=True, keep=True)
+    assert (repaired.is_intact, repaired.is_kept, repaired.continued_from) == (True, True, None)
+    assert kb.store.verify(resume=True).continued_from == 2

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 from collections.abc import Callable, Iterator
 from decimal import Decimal
 from pathlib import Path
@@ -13,6 +14,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 import kant_sql
+from kant_sql import InvalidArgumentError
 from kant_sql.dao_calls import LONGEST_BODY
 from kant_sql.web import writing
 from kant_sql.web.application import create_app
@@ -354,3 +356,29 @@ def test_the_prompt_makes_and_revokes_tokens(tmp_path: Path) -> None:
     ):
         refused = run("tokens", *words)
         assert (refused.exit_code, says in refused.stderr) == (1, True)
+
+
+def test_whoever_could_read_the_file_of_tokens_can_read_it_after_a_change(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "tokens.json"
+    first = TokenFile(path).add("robot", ["*"], ["read"])
+    path.chmod(0o640)
+    if os.geteuid() == 0:
+        # As `sudo kant-sql tokens` changes the file of a service.
+        os.chown(path, 4321, 1234)
+    before = path.stat()
+    TokenFile(path).add("other", ["*"], ["read"])
+    TokenFile(path).revoke(first.partition(".")[0])
+    now = path.stat()
+    assert (now.st_mode, now.st_uid, now.st_gid) == (before.st_mode, before.st_uid, before.st_gid)
+    assert now.st_ino != before.st_ino
+
+    def refuse(*given: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "fchmod", refuse)
+    with pytest.raises(InvalidArgumentError, match="belongs to another user"):
+        TokenFile(path).add("third", ["*"], ["read"])
+    assert [one.actor for one in TokenFile(path).tokens()] == ["robot", "other"]
+    assert [each.name for each in tmp_path.iterdir()] == ["tokens.json"]

@@ -91,7 +91,7 @@ class _Push:
     def run(self, progress: Progress | None, is_stopped: Callable[[], bool]) -> Pushed:
         """Compare the heads, and send batches until the target has all of the source."""
         # One statement on each side, once the ids are known.
-        here, there = self._retrying(lambda: (_read_head(self._source), _read_head(self._target)))
+        here, there = self._retrying(lambda: (read_head(self._source), read_head(self._target)))
         before, at = there.revision, there.revision
         is_same = (there.revision, there.hash) == (here.revision, here.hash)
         # What is not a replica may be ahead, which is refused.
@@ -265,6 +265,7 @@ def _hash(session: Session, kb_id: int, at: int, head: HeadState | Head) -> str 
     return found if head.revision != at or head.hash == found else None
 
 
-def _read_head(side: ReplicationSide) -> HeadState:
+def read_head(side: ReplicationSide) -> HeadState:
+    """Read the head of one side, in a session of its own."""
     with side.backend.open_session() as session:
         return read_state(session, side.find(session))

@@ -14,6 +14,7 @@ from ...errors import (
     AuthenticationError,
     ClosedError,
     ConflictError,
+    DivergedError,
     ForkedError,
     KantSqlError,
     ReadOnlyStoreError,
@@ -32,7 +33,7 @@ from ...sql.dialects import create_backend
 from ...sql.dialects.base import PASSING, Backend, Listener
 from ...sql.schema import check_session, ensure_schema
 from ...sql.tables import HeadRow, KnowledgeBaseRow
-from .push import Pushed, Terms, send
+from .push import Pushed, Terms, read_head, send
 from .target import ReplicationSide, Target, begin_on, open_store, read_state
 
 # What may be over at the next attempt.
@@ -252,7 +253,7 @@ class PushService:
         if error is None:
             self._backoff.reset()
             one.backoff.reset()
-        elif isinstance(error, MAY_PASS):
+        elif isinstance(error, MAY_PASS) or _is_behind(one.source, error):
             delay = max(interval, one.backoff.delay())
             self._report(PushEvent("waiting", name, error=error, retry_in=delay))
         else:
@@ -320,6 +321,13 @@ class PushService:
         source = ReplicationSide(connection.source, name)
         source.kb_id = kb_id
         return _Followed(source, Target(connection.target, name))
+
+
+def _is_behind(source: ReplicationSide, error: KantSqlError) -> bool:
+    """Whether the source is a replica that lacks what its target has: its origin sends it more."""
+    if not isinstance(error, DivergedError) or error.source_hash is not None:
+        return False
+    return read_head(source).origin is not None
 
 
 def _unreadable(one: _Followed, error: StoreError) -> StoreIntegrityError:

@@ -11,12 +11,13 @@ from datetime import datetime
 from functools import partial
 from typing import NamedTuple, TypeVar
 
-from sqlalchemy import bindparam, delete, func, select, update
+from sqlalchemy import bindparam, func, null, or_, select, update
 
 from ... import html
 from ...arguments import Progress, flag, optional_call
 from ...errors import (
     UNREADABLE,
+    ConflictError,
     InvalidArgumentError,
     NotADatabaseError,
     ReadOnlyError,
@@ -27,8 +28,8 @@ from ...errors import (
     TransactionOpenError,
 )
 from ...knowledge.canonical import time_text
-from ...sql.dialects.base import PASSING, Session
-from ...sql.query import Query, integer, whole_rows
+from ...sql.dialects.base import PASSING, Row, Session
+from ...sql.query import Query, constant, integer, whole_rows
 from ...sql.rows import KB, columns_of, table_of
 from ...sql.tables import ArchiveRow, ErasureRow, VerificationRow
 from ...store.head import hash_of
@@ -52,15 +53,22 @@ from .sides import Check, Finding, Report
 from .structure import check_generated, check_indexes, check_strays, check_structure, check_types
 
 _ROW = VerificationRow
+# The revision of the mark that a verification leaves which found a fault.
+_FAULT = 0
 _READ = columns_of(table_of(_ROW), ("revision", "hash", "verified_at", "complete_at"))
 # The revisions of the last archive and of the last erasure.
 _LAST_RECORDS = tuple(
     Query(select(func.max(row.since)).where(row.kb_id == KB)) for row in (ArchiveRow, ErasureRow)
 )
-# One that began earlier, on an older state, does not put back what a later one has kept.
+# One that began earlier, on an older state, does not put back what a later one has kept, and does
+# not replace the mark of one that found a fault after it began.
 _MOVE = Query(
     update(_ROW)
-    .where(_ROW.kb_id == KB, _ROW.revision <= integer("number"))
+    .where(
+        _ROW.kb_id == KB,
+        _ROW.revision <= integer("number"),
+        or_(_ROW.revision != constant(_FAULT), _ROW.verified_at == bindparam("seen")),
+    )
     .values(
         revision=bindparam("number"),
         hash=bindparam("digest"),
@@ -68,7 +76,16 @@ _MOVE = Query(
         complete_at=bindparam("complete"),
     )
 )
-_FORGET = Query(delete(_ROW).where(_ROW.kb_id == KB))
+_MARK = Query(
+    update(_ROW)
+    .where(_ROW.kb_id == KB)
+    .values(
+        revision=constant(_FAULT),
+        hash=constant(""),
+        verified_at=bindparam("now"),
+        complete_at=null(),
+    )
+)
 
 
 class Kept(NamedTuple):
@@ -81,11 +98,8 @@ class Kept(NamedTuple):
     complete_at: datetime | None
 
 
-def read_kept(session: Session, kb_id: int) -> Kept | None:
-    """Read how far it was verified; None if nothing was kept, or nothing readable."""
-    row = session.first(_READ, kb=kb_id)
-    if row is None:
-        return None
+def _kept_in(session: Session, row: Row) -> Kept | None:
+    """Return how far it was verified; None if that is not known, or cannot be read."""
     number, digest, verified_at, complete_at = row
     try:
         moments = (
@@ -99,35 +113,66 @@ def read_kept(session: Session, kb_id: int) -> Kept | None:
     return Kept(number, digest, *moments)
 
 
-def keep(store: Store, kb_id: int, number: int, digest: str, before: Kept | None) -> None:
-    """Keep how far it was verified; `before` is what was continued, None if it is complete."""
+def keep(
+    store: Store, kb_id: int, number: int, digest: str, before: Kept | None, seen: object = None
+) -> None:
+    """Keep how far it was verified.
+
+    `before` is what was continued, None if it is complete; `seen` the time of the row as it was
+    when this one began.
+    """
+
+    def refuse(row: Row | None) -> None:
+        if row is not None and row[0] == _FAULT:
+            raise ConflictError(
+                f"{store.backend.label}: another verification found a fault meanwhile; verify again"
+            )
 
     def write(session: Session) -> None:
         now = session.from_time(store.clock(session))
         last = None if before is None else before.complete_at
         complete = now if before is None else last and session.from_time(last)
         given = {"number": number, "digest": digest, "now": now, "complete": complete}
-        if not session.run(_MOVE, kb=kb_id, **given) and session.first(_READ, kb=kb_id) is None:
+        if session.run(_MOVE, kb=kb_id, seen=seen, **given):
+            return
+        row = session.first(_READ, kb=kb_id)
+        refuse(row)
+        if row is None:
             session.insert(whole_rows(table_of(_ROW)), [(kb_id, number, digest, now, complete)])
 
     try:
         store.write_beside(write)
     except StoreIntegrityError:
         # Another verification has kept its end at the same moment.
-        if store.query(lambda session, _: session.first(_READ, kb=kb_id)) is None:
+        row = store.query(lambda session, _: session.first(_READ, kb=kb_id))
+        refuse(row)
+        if row is None:
             raise
 
 
 def forget(store: Store, kb_id: int) -> None:
     """Forget how far it was verified: the next verification begins at revision 1."""
-    store.write_beside(lambda session: session.run(_FORGET, kb=kb_id))
+
+    def write(session: Session) -> None:
+        now = session.from_time(store.clock(session))
+        if not session.run(_MARK, kb=kb_id, now=now):
+            session.insert(whole_rows(table_of(_ROW)), [(kb_id, _FAULT, "", now, None)])
+
+    try:
+        store.write_beside(write)
+    except StoreIntegrityError:
+        # Another verification has kept its end at the same moment.
+        store.write_beside(write)
 
 
 T = TypeVar("T")
 
 _WRONG_VALUES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 # What is kept saves time, and proves nothing: these take no verdict away.
-_NOT_KEPT = (*PASSING, ReadOnlyError, StatementTimeoutError, StoreFullError, TransactionOpenError)
+_NOT_KEPT = (
+    *(*PASSING, ConflictError, ReadOnlyError, StatementTimeoutError, StoreFullError),
+    TransactionOpenError,
+)
 # How often progress is reported.
 _REPORTS = 200
 
@@ -239,9 +284,11 @@ def verify(
     anchored = None if anchor is None else check_anchor(anchor).head(store.name)
 
     def check(session: Session, kb_id: int | None) -> tuple[Verification, End | None]:
-        report, kept, after = Report(), None, 0
-        if resume and kb_id is not None:
-            kept = _guarded(session, report, partial(read_kept, session, kb_id))
+        report, row, kept, after = Report(), None, None, 0
+        if (resume or keep) and kb_id is not None:
+            row = _guarded(session, report, partial(session.first, _READ, kb=kb_id))
+        if resume and row is not None:
+            kept = _kept_in(session, row)
         if kept is not None and kb_id is not None:
             start = partial(_first_to_check, session, kb_id, kept)
             after = _guarded(session, report, start) or 0
@@ -250,7 +297,8 @@ def verify(
             _guarded(session, report, partial(check_generated, session, kb_id, report))
             if not after:
                 _guarded(session, report, partial(check_indexes, session, report))
-        return _verify(session, kb_id, store.name, anchored, progress, report, kept, after)
+        done, end = _verify(session, kb_id, store.name, anchored, progress, report, kept, after)
+        return done, end and end._replace(seen=row and row[2])
 
     done, end = store.query_in_snapshot(check)
     return _keep(store, done, end) if keep and end is not None else done
@@ -276,6 +324,7 @@ class End(NamedTuple):
     revision: int
     hash: str
     before: Kept | None
+    seen: object = None  # the time of what was kept when it began
 
 
 def _first_to_check(session: Session, kb_id: int, kept: Kept) -> int:
@@ -294,7 +343,7 @@ def _keep(store: Store, done: Verification, end: End) -> Verification:
             keep(store, *end)
         else:
             forget(store, end.kb_id)
-    except (ReadOnlyError, StoreError) as error:
+    except (ConflictError, ReadOnlyError, StoreError) as error:
         # The table may be one of the findings.
         if done.is_intact and not isinstance(error, _NOT_KEPT):
             raise

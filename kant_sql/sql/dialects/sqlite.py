@@ -921,7 +921,11 @@ class SqliteBackend(Backend):
             return self._remove(mark)
 
     def _remove(self, mark: Query) -> bool:
-        connection = self.connect()
+        try:
+            connection = self.connect()
+        except (sqlite3.Error, StoreError):
+            # What went wrong before is told, not this.
+            return False
         try:
             connection.execute("PRAGMA busy_timeout=0")
             # This fails while another connection is open, and leaves one file of three.
@@ -994,9 +998,10 @@ class SqliteBackend(Backend):
             return NotADatabaseError(f"{label}: {text}; name an SQLite file, or a new one")
         if code == sqlite3.SQLITE_READONLY:
             return ReadOnlyStoreError(
-                f"{label}: the file cannot be written ({text}); check its permissions, or read "
-                "it with ?mode=ro, or with ?mode=immutable if not even the folder is "
-                "writable and nobody else writes"
+                f"{label}: the file cannot be written ({text}); check its permissions, and "
+                "those of the files -wal and -shm beside it, which got its former ones, or read it "
+                "with ?mode=ro, or with ?mode=immutable if not even the folder is writable and "
+                "nobody else writes"
             )
         if code in (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR):
             return StoreUnreachableError(
