@@ -194,7 +194,6 @@ if statement_log.level == logging.NOTSET:
     # at INFO they would write of each connection where the root's level kept them silent.
     statement_log.setLevel(logging.WARNING)
 
-FETCH_SIZE = 5_000
 LONGEST_LOGGED = 200
 
 
