@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
+from functools import lru_cache
 from hashlib import sha256
 from itertools import islice
 from json.encoder import encode_basestring
@@ -271,7 +272,7 @@ def revision_hash(
         lines = (f'["{sign}","{kind}",{encode_basestring(text)}]' for sign, kind, text in changes)
         said = _json(metadata.actor), _json(metadata.reason), metadata.source or "null"
         return _hash(link, said, lines)
-    actor, reason, source, *_ = metadata
+    actor, reason, source, _, _ = metadata
     sealed = (
         _seal(seed, b"actor", actor),
         _seal(seed, b"reason", reason),
@@ -308,16 +309,16 @@ def _seal(seed: bytes, label: bytes, text: str | None) -> str:
 
 def _sealed(seed: bytes, changes: Iterable[tuple[str, str, str]]) -> Iterator[str]:
     """Write changes with a commitment to each text: `_seal` for many."""
-    last_sign = last_kind = begin = ""
-    head = b""
     for sign, kind, text in changes:
-        # They are sorted: comparing a text is faster than looking it up.
-        if kind != last_kind or sign != last_sign:
-            last_sign, last_kind = sign, kind
-            head, begin = seed + f"{sign}{kind}\0".encode(), f'["{sign}","{kind}","'
+        label, begin = _label(sign, kind)
         raw = text.encode()
-        salt = sha256(head + raw).digest()[:SEED]
+        salt = sha256(seed + label + raw).digest()[:SEED]
         yield f'{begin}{sha256(salt + raw).hexdigest()}"]'
+
+
+@lru_cache
+def _label(sign: str, kind: str) -> tuple[bytes, str]:
+    return f"{sign}{kind}\0".encode(), f'["{sign}","{kind}","'
 
 
 # The hash before, the knowledge base, the number, the time, the metadata and the form.
@@ -332,9 +333,9 @@ def _hash(link: _Link, said: tuple[str, str, str], lines: Iterator[str]) -> str:
     while batch := ",".join(islice(lines, _BATCH)):
         digest.update(text.encode())
         text = f",{batch}"
-    observed = metadata.observed_at
+    _, _, _, observed, plan_step = metadata
     seen = "null" if observed is None else f'"{time_text(observed)}"'
-    step = "null" if metadata.plan_step is None else "[{},{}]".format(*metadata.plan_step)
+    step = "null" if plan_step is None else "[{},{}]".format(*plan_step)
     digest.update(
         f'{text}],"committed_at":"{committed_at}","form":{form},'
         f'"knowledge_base":{encode_basestring(knowledge_base)},"number":{number},'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from itertools import chain, groupby, islice
 from operator import itemgetter
@@ -51,7 +51,9 @@ _REVISIONS = Query(
 _Line = tuple[Any, ...]
 
 
-class Link(NamedTuple):
+# With slots, it is made and read faster than a named tuple.
+@dataclass(slots=True)
+class Link:
     """A revision as stored, without its changes."""
 
     number: int
@@ -318,7 +320,7 @@ class _Explainer:
     def _fits(self, wrong: Wrong, lines: list[_Line], metadata: Metadata | None = None) -> bool:
         """Return whether a revision with these contents would have its hash."""
         self._effort -= len(lines) + 1
-        link = wrong.link if metadata is None else wrong.link._replace(metadata=metadata)
+        link = wrong.link if metadata is None else replace(wrong.link, metadata=metadata)
         return link.digest(self._name, wrong.previous, lines) == link.hash
 
     def _is_successor(self, wrong: Wrong, following: Wrong) -> bool:

@@ -194,7 +194,6 @@ if statement_log.level == logging.NOTSET:
     # at INFO they would log each connection although the root's level silences them.
     statement_log.setLevel(logging.WARNING)
 
-FETCH_SIZE = 5_000
 LONGEST_LOGGED = 200
 
 

@@ -70,7 +70,6 @@ from ..query import (
 )
 from ..tables import Base
 from .base import (
-    FETCH_SIZE,
     FEW_ROWS,
     Backend,
     Listener,
@@ -114,6 +113,7 @@ LIST_FROM_IDS = 10
 REPLAN_FROM_ROWS = 2_500
 # Several cursors may be open at once.
 _STREAMS = itertools.count(1)
+FETCH_SIZE = 5_000
 
 _work = threading.local()
 
