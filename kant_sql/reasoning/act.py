@@ -1,4 +1,4 @@
-"""Acting: which steps can be executed, and executing one."""
+"""Steps: which can be executed, and the execution of one."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def begin(view: View, step: GroundStep) -> EffectReader:
 
 
 def view_of(transaction: Transaction) -> View:
-    """Return the state of a transaction, with all that is pending."""
+    """Return the state of a transaction, including its pending changes."""
     transaction.flush()
     definitions = transaction.definitions.current()
     return View(transaction.session, transaction.kb_id, definitions)
@@ -86,13 +86,13 @@ def applicable_actions(
 
 
 class _Search(NamedTuple):
-    """A search for steps: of which action, by default of all, and which parameters are fixed."""
+    """A search for steps: of one action or of all, with some fixed parameters."""
 
     name: str | None
     fixed: Mapping[str, Binding]
 
     def begin(self, state: State, limit: int | None) -> Iterator[PlanStep]:
-        """Check it, and return what finds the steps."""
+        """Check it, and return an iterator that finds the steps."""
         store, at = state
         if limit is not None:
             limit = count_limit(limit)
@@ -101,7 +101,7 @@ class _Search(NamedTuple):
         return self._steps(store, at, store.read_definitions(self._actions, at), limit)
 
     def _actions(self, definitions: Definitions) -> list[str]:
-        """Find the actions that have all parameters that are fixed."""
+        """Find the actions that have all fixed parameters."""
         name, found = self.name, []
         actions = executable(definitions) if name is None else [find_action(definitions, name)]
         for action in (prepared(definitions, each) for each in actions):
@@ -146,7 +146,7 @@ class _Search(NamedTuple):
                 left = None if left is None else left - 1
 
     def _instances(self, view: View, name: str, most: int | None) -> list[PlanStep]:
-        """Return the instances of an action that can be executed."""
+        """Return the executable instances of an action."""
         definitions, definition = view.definitions, view.definitions.actions.named(name)
         if definition is None:
             return []
@@ -221,7 +221,7 @@ def in_revision(
     done: str,
     work: Callable[[Transaction, GroundStep], None],
 ) -> int | None:
-    """Do something with a step in one revision; return its number, None without one of its own."""
+    """Do something with a step in one revision; return its number, or None in a transaction."""
     optional_text(reason, "the reason")
     recorded = step if execution is None and isinstance(step, Execution) else execution
     place = None if recorded is None else key_of(recorded)
@@ -235,12 +235,12 @@ def in_revision(
 
 
 def step_text(step: object) -> str:
-    """Write a step as it is given, for the reason of its revision."""
+    """Write a step as the caller gave it, for the reason of its revision."""
     if not isinstance(step, str):
         try:
             return str(step)
         except Exception:
-            # No step, which is refused by its class.
+            # Not a step: the error names its class.
             return shown(step)
     text = " ".join(step.split())
     return text if "(" in text else f"({text})"

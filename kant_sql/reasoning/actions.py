@@ -4,11 +4,11 @@ The semantics is that of PDDL 2.1 (Fox and Long, Journal of Artificial Intellige
 2003): all conditions and right-hand sides are evaluated in the state before (definition 13),
 deletes come before adds, and a durative action is two instantaneous ones with an invariant and
 continuous change between them (definition 18). Two actions at one time may not interfere
-(definition 12): none adds or deletes what another one reads or changes the other way round, and
-none changes a number that another one reads or changes, unless both increase or decrease it. As in
-VAL, of conditional effects those count that take place.
+(definition 12): neither adds or deletes a fact that the other reads or changes the opposite way,
+and neither changes a number that the other reads or changes, unless both increase or decrease it.
+As in VAL, only conditional effects that take place count.
 
-An effect on a fluent without a value is undefined, except `assign`, and fails.
+An effect on a fluent without a value is undefined and fails, except for `assign`.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Update(NamedTuple):
 
 @dataclass
 class Changes:
-    """What an action changes at one time; `undefined` are effects without a result."""
+    """The changes of an action at one time; `undefined` are effects without a result."""
 
     deletes: set[FluentRow] = field(default_factory=set)
     adds: set[FluentRow] = field(default_factory=set)
@@ -53,7 +53,7 @@ class Changes:
 
 
 class _CompiledEffect:
-    """A single effect, with the search for the objects that it takes place for."""
+    """A single effect, with the search for its objects."""
 
     def __init__(self, world: World, action: PreparedAction, item: EffectItem) -> None:
         self._world, self._item = world, item
@@ -71,13 +71,13 @@ class _CompiledEffect:
             self._early = compiler.rows(item.around, item.earlier)
 
     def remember(self, snap: Snap) -> set[Row] | None:
-        """Return the objects for which the conditions at start hold, if there are such."""
+        """Return the objects for which the conditions at start hold; None without conditions."""
         if self._early is None:
             return None
         return self._early(self._compiler.env(snap.arguments, snap.duration))
 
     def collect(self, snap: Snap, remembered: set[Row] | None) -> None:
-        """Note what the effect changes."""
+        """Add the changes of the effect."""
         env, changes = self._compiler.env(snap.arguments, snap.duration), snap.changes
         if self._lacking is not None:
             for _ in self._lacking(env):
@@ -134,7 +134,7 @@ def _value(compiler: Compiler, value: r.Quantity | r.Place | None) -> Callable[[
 
 
 class Phase:
-    """What an action requires, does and reads at one time: at its start, at its end, or at once."""
+    """The conditions, effects and reads of an action at one time: at start, at end, or at once."""
 
     def __init__(self, world: World, action: PreparedAction, time: str) -> None:
         self._world, self._action, self._time = world, action, time
@@ -153,7 +153,7 @@ class Phase:
             if not isinstance(item.value, r.Slot | r.Known | None):
                 self.reads.append(item.value)
         if time == f.AT_START and action.is_durative:
-            # What an effect at the end depends on at the start is read then.
+            # The conditions at the start of effects at the end are read at the start.
             self.reads += [item.earlier for item in action.items(f.AT_END)]
 
     def _durations(self) -> Iterator[_Limit]:
@@ -165,15 +165,15 @@ class Phase:
             yield _Limit(constraint, left, right, reads)
 
     def _preferred(self) -> Iterator[tuple[str | None, r.Part, Rows]]:
-        """Yield preferences, each with what finds the objects for which it is violated."""
+        """Yield preferences, each with a search for the objects that violate it."""
         compile_ = self._compiler.counterexamples
         for name, variables, formula in self._action.preferences(self._time):
             yield name, *compile_(self._action.resolver, variables, formula)
 
     def unmet(self, snap: Snap) -> list[FailedCondition]:
-        """Return what of the condition and of the constraints on the duration does not hold."""
+        """Return the conditions, and the constraints on the duration, that do not hold."""
         env, found, binding = self._compiler.env(snap.arguments, snap.duration), [], snap.binding
-        # Without a duration, nothing depends on it.
+        # Without a given duration, nothing depends on it.
         for limit in self._limits if snap.duration is not None else ():
             sides = [limit.left(env, EXACT), limit.right(env, EXACT)]
             left, right = (None if side is None else decimal_of(side) for side in sides)
@@ -200,7 +200,7 @@ class _Limit(NamedTuple):
 
 
 class _Continuous:
-    """A continuous effect: the rate at which fluents change while an action runs."""
+    """A continuous effect: the rate at which fluents change while an action is running."""
 
     def __init__(self, world: World, action: PreparedAction, item: EffectItem) -> None:
         assert isinstance(item.value, r.Operation)
@@ -231,7 +231,7 @@ class Schema:
         self._world = world
         action = self.action = PreparedAction(world.definitions, node)
         self._durative = (f.AT_START, f.AT_END) if action.is_durative else ()
-        # What it requires and does at each of its times; None for an instantaneous action.
+        # The phases at its times; the time of an instantaneous action is None.
         self.phases: dict[str | None, Phase] = {
             time: Phase(world, action, time) for time in self._durative
         } or {None: Phase(world, action, f.AT_START)}
@@ -242,7 +242,7 @@ class Schema:
         self._is_kept = self._compiler.test(always)
 
     def broken(self, snap: Snap) -> list[FailedCondition]:
-        """Return what of the condition over all does not hold."""
+        """Return the conditions over all that do not hold."""
         if self._is_kept(self._compiler.env(snap.arguments, snap.duration)):
             return []
         nodes = self.action.nodes(f.OVER_ALL)
@@ -250,7 +250,7 @@ class Schema:
         return [failed for found in parts for failed in found]
 
     def misfit(self, world: World, names: Sequence[str]) -> FailedCondition | None:
-        """Return why names are not arguments of the action, if so."""
+        """Return why names are not valid arguments of the action, or None."""
         variables = self.action.variables
         text = f"({' '.join((self.action.name, *names))})"
         if len(names) != len(variables):
@@ -276,15 +276,15 @@ class Snap:
     schema: Schema
     arguments: Row
     time: str | None  # its time in the action; None for an instantaneous action
-    position: int  # that of its step in the plan
+    position: int  # the position of its step in the plan
     duration: Decimal | None
-    # The objects for which conditions at the start held of effects at the end.
+    # The objects for which the start conditions of the effects at the end held.
     memory: dict[int, set[Row]]
-    changes: Changes = field(default_factory=Changes)  # what it changes; computed by `prepare`
+    changes: Changes = field(default_factory=Changes)  # its changes; computed by `prepare`
 
     @property
     def phase(self) -> Phase:
-        """What the action requires and does at that time."""
+        """The conditions and effects of the action at that time."""
         return self.schema.phases[self.time]
 
     @property
@@ -293,11 +293,11 @@ class Snap:
         return bound(self.schema.action.variables, self.world.names(self.arguments))
 
     def unmet(self) -> list[FailedCondition]:
-        """Return what of the condition and of the constraints on the duration does not hold."""
+        """Return the conditions, and the constraints on the duration, that do not hold."""
         return self.phase.unmet(self)
 
     def prepare(self) -> list[FailedCondition]:
-        """Compute the changes in the present state; return what makes them impossible."""
+        """Compute the changes in the present state; return the reasons if this is impossible."""
         self.changes = Changes()
         for number, effect in enumerate(self.phase.effects):
             remembered = self.memory.get(number) if self.time == f.AT_END else None
@@ -310,7 +310,7 @@ class Snap:
         return self.changes.undefined
 
     def conflicts(self) -> list[FailedCondition]:
-        """Return which fluents effects of the action change in ways that exclude each other."""
+        """Return the fluents that effects of the action change in conflicting ways."""
         return [
             FailedCondition(
                 self.world.text((False, function), row), "two effects of the action change it"
@@ -338,7 +338,7 @@ class Snap:
 def interference(
     world: World, mine: Changes, reads: Sequence[Reading[frozenset[int]]], others: Changes
 ) -> FailedCondition | None:
-    """Return what others change at the same time that this action reads or changes."""
+    """Return a simultaneous change by others that conflicts with this action, or None."""
 
     def about(found: Sequence[tuple[bool, FluentRow]], reason: str) -> FailedCondition:
         return FailedCondition(
@@ -391,7 +391,7 @@ def _updated(update: Update, value: Exact | int | None) -> Exact | int:
     operator, by = update
     if operator == "assign" or isinstance(by, int):
         return by
-    # Only the cost of a plan is changed without a value.
+    # Only the cost of a plan may change without a value.
     value = Decimal(0) if value is None else value
     assert isinstance(value, Decimal | Fraction)
     result = EXACT.apply(CHANGES[operator], value, by)
@@ -400,7 +400,7 @@ def _updated(update: Update, value: Exact | int | None) -> Exact | int:
 
 
 def rates_of(world: World, running: Sequence[Snap]) -> dict[FluentRow, Fraction]:
-    """Return the rates at which fluents change while durative actions run."""
+    """Return the rates at which fluents change while durative actions are running."""
 
     def found() -> Iterator[tuple[FluentRow, Fraction]]:
         for snap in running:
@@ -410,7 +410,7 @@ def rates_of(world: World, running: Sequence[Snap]) -> dict[FluentRow, Fraction]
     rates: dict[FluentRow, Fraction] = {}
     for fluent, rate in found():
         rates[fluent] = rates.get(fluent, Fraction(0)) + rate
-    # A rate that depends on what changes is refused: its product with #t is not linear.
+    # A rate that depends on changing numbers is refused: its product with #t is not linear.
     world.rates = rates
     for _ in found():
         pass
@@ -422,14 +422,14 @@ _Broken = tuple[Snap, list[FailedCondition]]
 
 
 def first_broken(running: Sequence[Snap]) -> _Broken | None:
-    """Return the first action whose condition over all does not hold, with what fails of it."""
+    """Return the first action with a broken condition over all, and the conditions that fail."""
     return next(((each, found) for each in running if (found := each.schema.broken(each))), None)
 
 
 def broken_within(
     world: World, running: Sequence[Snap], rates: dict[FluentRow, Fraction], elapsed: Fraction
 ) -> _Broken | None:
-    """Return as `first_broken` for the open interval of linear change that begins now."""
+    """The same as `first_broken`, for the open interval of linear change that begins now."""
     if not rates or elapsed <= 0:
         return first_broken(running)
     world.rates = rates

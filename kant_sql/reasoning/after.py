@@ -1,8 +1,8 @@
-"""What must hold before some effects so that a condition holds after them.
+"""The condition on the state before some effects under which a condition holds after them.
 
-Facts hold after that are added, or hold before and are not deleted; a fluent has the value that it
-is assigned, or its former one changed (regression; Reiter, The frame problem in the situation
-calculus, 1991). So one statement about the state before judges the state after.
+After effects, a fact holds if they add it, or if it held before and they do not delete it; a fluent
+has its assigned value, or its former one changed (regression; Reiter, The frame problem in the
+situation calculus, 1991). So one statement about the state before judges the state after.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ from ..knowledge.rules import DerivationRules, rules_of
 from .arithmetic import CHANGES
 from .steps import EffectItem
 
-# How many cases of one comparison are told apart.
+# The maximum number of cases of one comparison.
 MOST_CASES = 16
 
 
 class OpaqueError(Exception):
-    """No condition on the state before says what holds after."""
+    """No condition on the state before decides what holds after."""
 
 
 def mapped(part: r.Part, of: Callable[[r.Part, bool], r.Part], is_negated: bool = False) -> r.Part:
-    """Replace what has no parts of its own; `of` knows whether it stands below a negation."""
+    """Replace the leaves of a part; `of` gets each leaf, and whether it is below a negation."""
     match part:
         case r.AllOf(parts):
             return r.all_of(mapped(each, of, is_negated) for each in parts)
@@ -64,7 +64,7 @@ def with_numbers(part: r.Compares, values: Mapping[r.Quantity, r.Quantity]) -> r
 def matched(
     bound: Sequence[r.Bound], pairs: Iterable[tuple[r.Place, r.Place]]
 ) -> tuple[dict[r.Slot, r.Place], list[r.Part], tuple[r.Bound, ...]]:
-    """Give places to variables that terms have; return what must hold, and the other variables."""
+    """Match terms to places; return the places of variables, conditions, and other variables."""
     types = {each.slot: each.types for each in bound}
     places: dict[r.Slot, r.Place] = {}
     conditions: list[r.Part] = []
@@ -80,7 +80,7 @@ def matched(
 
 
 class After:
-    """Says of the state before what holds after effects."""
+    """Rewrites conditions after effects as conditions on the state before."""
 
     def __init__(
         self,
@@ -93,7 +93,7 @@ class After:
         self._functions = definitions.functions
         self._rules = rules_of(definitions)
         self._numbers = numbers  # gives the numbers of new variables
-        # Whether the rules are those of `rules`, which say what follows after.
+        # Whether the rules are those of `rules`, which derive the facts after the effects.
         self._is_whole = is_whole
         self._items: dict[Head, list[EffectItem]] = {}
         for item in items:
@@ -101,11 +101,11 @@ class After:
             self._items.setdefault(head, []).append(item)
 
     def rules(self) -> DerivationRules:
-        """Return the rules by which facts follow after the effects."""
+        """Return the rules that derive the facts after the effects."""
         return self._rules.replaced(self.part)
 
     def part(self, part: r.Part) -> r.Part:
-        """Return what holds before iff a part holds after, or raise `OpaqueError`."""
+        """Return the condition before iff a part holds after, or raise `OpaqueError`."""
         return mapped(part, self._leaf) if self._items else part
 
     def _leaf(self, leaf: r.Part, _: bool) -> r.Part:
@@ -134,14 +134,14 @@ class After:
     def _hits(
         self, item: EffectItem, terms: Sequence[r.Place], value: r.Place | None = None
     ) -> r.Part:
-        """Return that an effect takes place on some objects."""
+        """Make the condition that an effect takes place on some objects."""
         part, _, _ = self._matched(item, terms, value)
         return part
 
     def _matched(
         self, item: EffectItem, terms: Sequence[r.Place], value: r.Place | None = None
     ) -> tuple[r.Part, dict[r.Slot, r.Place], tuple[r.Bound, ...]]:
-        """Return that, the objects of its variables, and the variables that are left."""
+        """Make that condition; return the objects of its variables and the other variables, too."""
         pairs = [*zip(item.terms, terms, strict=True)]
         if value is not None:
             assert isinstance(item.value, r.Slot | r.Known)
@@ -169,14 +169,14 @@ class After:
         return r.any_of(found)
 
     def _values(self, number: r.NumberOf) -> list[tuple[r.Part, r.Quantity]]:
-        """Return the values that a fluent may have after, each with when it has it."""
+        """Return the possible values of a fluent after, each with its condition."""
         items = self._items[False, number.function]
         is_cost = fold(self._functions.live(number.function).name) == TOTAL_COST
         if 2 ** len(items) > MOST_CASES or (is_cost and not self._is_whole):
             raise OpaqueError
         matched = [self._matched(each, number.terms) for each in items]
         if any(rest for _, _, rest in matched):
-            # As many changes as there are objects.
+            # There are as many changes as objects.
             raise OpaqueError
         found = []
         for hits in product((False, True), repeat=len(items)):
@@ -206,13 +206,13 @@ def _replaced(
 def ground_item(
     operator: str, head: int, ids: Sequence[int], value: r.Quantity | r.Place | None = None
 ) -> EffectItem:
-    """Make an effect that takes place once, on some objects."""
+    """Make an effect that takes place once, on given objects."""
     terms = tuple(map(r.Known, ids))
     return EffectItem(operator, head, terms, value, (), r.TRUE, r.TRUE, r.FALSE, ())
 
 
 def weakened(part: r.Part, heads: set[Head]) -> r.Part:
-    """Return a condition on numbers that change, as it holds at the ends of an open interval."""
+    """Relax a condition on changing numbers for the ends of an open interval."""
 
     def leaf(each: r.Part, is_negated: bool) -> r.Part:
         if not isinstance(each, r.Compares) or heads.isdisjoint(map(head_of, r.parts_of(each))):
@@ -226,9 +226,9 @@ def weakened(part: r.Part, heads: set[Head]) -> r.Part:
 def is_linear(
     part: r.Part, heads: set[Head], rules: DerivationRules, negated: bool = False
 ) -> bool:
-    """Return whether a condition holds in an open interval of linear change if it does so inside.
+    """Return whether a condition that holds at some points of linear change holds throughout.
 
-    That is: at its ends, where strict comparisons count as others, and at one moment within.
+    The points are both ends, where strict comparisons count as non-strict, and one inside.
     """
 
     def depends(each: r.Part) -> bool:
@@ -253,7 +253,7 @@ def is_linear(
 
 
 def degree(quantity: r.Quantity, heads: set[Head]) -> int:
-    """Return how a number grows with those that change: 0 not at all, 1 linearly, 2 otherwise."""
+    """Return the degree of a number in the changing ones: 0 constant, 1 linear, 2 otherwise."""
     if not isinstance(quantity, r.Operation):
         return int(head_of(quantity) in heads)
     degrees = [degree(each, heads) for each in quantity.operands]

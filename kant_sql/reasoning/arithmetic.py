@@ -1,8 +1,8 @@
-"""The numbers of conditions, effects and continuous change.
+"""Arithmetic of conditions, effects and continuous change.
 
-Conditions and effects calculate exactly: with decimals, and with fractions where a quotient has no
-end. While numbers change linearly, both sides of a comparison are exact linear functions of the
-time since the change began.
+Conditions and effects calculate exactly: with decimals, or with fractions if a quotient has no
+finite decimal. While numbers change linearly, both sides of a comparison are exact linear functions
+of the time since the change began.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..errors import UnsupportedConstructError
 T = TypeVar("T")
 Exact = Decimal | Fraction
 
-# What an effect does to the value of a fluent, as an operator of arithmetic.
+# The operators of effects on fluents, as operators of arithmetic.
 CHANGES = {"increase": "+", "decrease": "-", "scale-up": "*", "scale-down": "/"}
 # Changes of one of these kinds commute.
 ADDITIVE, SCALING = {"increase", "decrease"}, {"scale-up", "scale-down"}
@@ -32,7 +32,7 @@ def _operations(context: Context) -> dict[str, Callable[[Any, Any], Decimal]]:
 
 
 _DECIMALS = _operations(EXACT_DECIMALS)
-# Few digits, as most numbers have; what has more, or is no decimal, raises one of the errors.
+# Few digits, as in most numbers; longer ones, and non-decimals, raise one of the errors.
 _FEW = Context(ROUNDED_DIGITS, Emin=-ROUNDED_DIGITS, Emax=ROUNDED_DIGITS)
 _FEW.traps = dict.fromkeys(_FEW.traps, True)
 FEW_DIGITS, NOT_FEW = _operations(_FEW), (TypeError, ArithmeticError)
@@ -45,13 +45,13 @@ _FRACTIONS: dict[str, Callable[[Any, Any], Fraction]] = {
 
 
 class Numbers(NamedTuple, Generic[T]):
-    """A kind of numbers: `apply` takes `+`, `-`, `*` or `/`, and is None for a division by zero."""
+    """A kind of numbers: `apply` takes `+`, `-`, `*` or `/`, and returns None for division by 0."""
 
     of: Callable[[Decimal], T]
     apply: Callable[[str, T, T], T | None]
 
     def calculate(self, symbol: str, operands: Sequence[T | None]) -> T | None:
-        """Apply an operator to one operand or more; None if one has no value."""
+        """Apply an operator to one or more operands; None if one has no value."""
         found = operands[0]
         if len(operands) == 1:
             return None if found is None else self.apply("-", self.of(Decimal(0)), found)
@@ -80,7 +80,7 @@ class Linear(NamedTuple):
     rate: Fraction
 
     def at(self, time: Fraction) -> Fraction:
-        """Return its value at a time."""
+        """Return the value at a time."""
         return self.value + self.rate * time
 
 
@@ -105,11 +105,11 @@ LINEARS: Numbers[Linear] = Numbers(lambda number: Linear(Fraction(number), Fract
 
 
 def decimal_of(number: Exact) -> Decimal:
-    """Convert a number as it is written: exactly, unless it has no end or too many digits."""
+    """Convert a number for writing: exactly, if it has a finite decimal of few enough digits."""
     if isinstance(number, Decimal):
         text = str(number)
         if len(text) <= ROUNDED_DIGITS and "E" not in text:
-            # Few digits, as most have: there is nothing to round.
+            # Few digits, as in most numbers: there is nothing to round.
             return number
         return calculate(INCREASE, number, Decimal(0))
     return calculate(SCALE_DOWN, Decimal(number.numerator), Decimal(number.denominator))

@@ -34,14 +34,14 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 _ATOM = re.compile(r"\s*\(\s*[a-z][\w-]*(?:\s+[a-z][\w-]*)*\s*\)\s*", re.ASCII | re.IGNORECASE)
 Binding = str | PddlObjectDto
-# How many prepared conditions a snapshot of definitions keeps, and rows that `str` shows.
+# The number of prepared conditions to keep per snapshot of definitions, and of rows in `str`.
 KEPT, SHOWN = 512, 20
 
 Answer = tuple[str, ...]
 
 
 class Prepared:
-    """A condition that is resolved, with its statements for the present and for the past."""
+    """A resolved condition, with its statements for the present and the past."""
 
     def __init__(self, condition: r.ResolvedCondition, definitions: Definitions) -> None:
         self.condition = condition
@@ -55,7 +55,7 @@ class Prepared:
     def statement(
         self, view: View, kind: str, write: Callable[[Question], ConditionStatement]
     ) -> ConditionStatement:
-        """Return a statement for a state; write it when it is first needed."""
+        """Return a statement for a state; write it on first use."""
         key = (kind, *statement_key(view))
         found = self._statements.get(key)
         if found is None:
@@ -63,7 +63,7 @@ class Prepared:
         return found
 
     def values(self, definitions: Definitions, bindings: Mapping[str, Binding]) -> dict[str, int]:
-        """Return the ids of the objects that the variables are given."""
+        """Return the ids of the objects for the variables."""
         values: dict[str, int] = {}
         if not bindings:
             return values
@@ -85,7 +85,7 @@ def statement_key(view: View, numbers: Iterable[str] = ()) -> tuple[Any, ...]:
 
 
 def given_numbers(numbers: Mapping[str, Decimal]) -> dict[str, str]:
-    """Write numbers that come with an evaluation as parameters of its statement."""
+    """Write the numbers of an evaluation as parameters of its statement."""
     return {name: decimal_text(number) for name, number in numbers.items()}
 
 
@@ -99,7 +99,7 @@ def question(
 
 
 def find_object(definitions: Definitions, given: Binding, role: str = "") -> ObjectDefinition:
-    """Return the object of a name or a DTO; `role` is what it is of, for messages."""
+    """Return the object of a name or a DTO; `role` describes it in messages."""
     kinds: tuple[type[Any], ...] = (str, PddlObjectDto)
     expect(given, kinds, "an object", InvalidArgumentError)
     name = given if isinstance(given, str) else given.name
@@ -112,7 +112,7 @@ def find_object(definitions: Definitions, given: Binding, role: str = "") -> Obj
 
 
 def check_fit(definitions: Definitions, object_: ObjectDefinition, column: r.Column) -> None:
-    """Refuse an object that a variable cannot be."""
+    """Refuse an object that does not fit a variable."""
     for types in column.bound.types:
         if not r.fits(definitions, object_.id, types):
             live = definitions.types.live
@@ -124,9 +124,9 @@ def check_fit(definitions: Definitions, object_: ObjectDefinition, column: r.Col
 
 
 def variable_of(keyword: str, variables: Iterable[str]) -> str | None:
-    """Return the variable that a keyword names: it has `_` where PDDL may have `-`."""
+    """Return the variable that a keyword names: `_` in it may stand for `-`."""
     plain = fold(keyword).replace("-", "_")
-    # A variable of just this name comes before one with `-` for `_`.
+    # A variable with exactly this name comes before one with `-` for `_`.
     ordered = sorted(variables, key=lambda name: fold(name) != fold(keyword))
     return next((name for name in ordered if fold(name).replace("-", "_") == plain), None)
 
@@ -137,7 +137,7 @@ def prepare(
     parameters: str | None,
     bindings: Mapping[str, Binding],
 ) -> Prepared:
-    """Read and resolve a condition, or find it among those of the snapshot."""
+    """Read and resolve a condition, or find it in the cache of the snapshot."""
     text = condition if isinstance(condition, str) else text_of(condition)
     if parameters is not None:
         expect(parameters, str, "the parameters", InvalidArgumentError)
@@ -165,7 +165,7 @@ def prepare(
 
 
 def _check_possible(definitions: Definitions, column: r.Column) -> None:
-    """Refuse a variable whose atoms allow different types, so that no object fits all of them."""
+    """Refuse a variable whose atoms require different types, so no object fits all of them."""
     wanted = [types for types in column.bound.types if types is not None]
     if len(wanted) < 2 or frozenset.intersection(*wanted):
         return
@@ -199,7 +199,7 @@ def given_variable(keyword: str, variables: Sequence[str]) -> str:
 def asked(
     view: View, statement: ConditionStatement, given: Mapping[str, Any], guards: slice
 ) -> list[Row]:
-    """Run a statement whose first row has the head's guards, and compare these."""
+    """Run a statement whose first row has the guards of the head, and compare these."""
     if statement.steps and view.definition_revision is not None:
         # Several statements need one snapshot.
         raise DefinitionsMovedError
@@ -214,7 +214,7 @@ def asked(
     return rows
 
 
-# Where the guards are: in a row of truths, and in the row before the answers.
+# The positions of the guards: in a row of truth values, and in the row before the answers.
 OF_TRUTHS, OF_ANSWERS = slice(0, GUARDS), slice(1, 1 + GUARDS)
 
 
@@ -262,7 +262,7 @@ def holds(state: State, condition: str | Node, /, **bindings: Binding) -> bool:
 
 
 def _seen(definitions: Definitions, condition: object) -> tuple[Prepared | None, dict[str, int]]:
-    """Recognise a ground atom of a prepared predicate; leave all else to the reader of PDDL."""
+    """Recognise a ground atom of a prepared predicate; leave all others to the PDDL reader."""
     if not isinstance(condition, str) or _ATOM.fullmatch(condition) is None:
         return None, {}
     name, *terms = condition.strip().strip("()").split()
@@ -286,7 +286,7 @@ def _seen(definitions: Definitions, condition: object) -> tuple[Prepared | None,
 
 
 def _ground(definitions: Definitions, condition: object) -> tuple[Prepared | None, dict[str, int]]:
-    """Prepare a ground literal by its predicate, whatever its objects: there are many of them."""
+    """Prepare a ground literal by its predicate, for any objects: there are many of them."""
     seen = _seen(definitions, condition)
     if seen[0] is not None:
         return seen
@@ -399,7 +399,7 @@ class Answers:
         return f"{text}\n... and {more} more" if more else text
 
     def __repr__(self) -> str:
-        """Write the columns, and the answers once they are read."""
+        """Write the columns, and the answers if they have been read."""
         found = "not read yet" if self._answers is None else f"{len(self._answers)} answers"
         return f"<Answers {', '.join(self.columns) or 'without columns'}: {found}>"
 
@@ -415,7 +415,7 @@ class Answers:
 
 
 class _Asking:
-    """A question for objects, before a state is known."""
+    """A question for objects, independent of a state."""
 
     def __init__(
         self,
@@ -429,9 +429,9 @@ class _Asking:
         self._last: tuple[Prepared, dict[str, Any]] | None = None
 
     def prepared(self, definitions: Definitions) -> tuple[Prepared, dict[str, Any]]:
-        """Prepare it with definitions, or refuse it; return the values of its parameters, too."""
+        """Prepare it with definitions, or refuse it; also return the values of its parameters."""
         last = self._last
-        # Those that a transaction changes are the same object, and say something else.
+        # The definitions of a transaction are one object, whose content changes.
         is_other = last is None or last[0].definitions is not definitions
         if last is None or is_other or type(definitions) is not Definitions:
             prepared = prepare(definitions, *self.asked)
@@ -452,13 +452,13 @@ class _Asking:
 
         statement = prepared.statement(view, f"answers {is_limited}", write)
         rows = asked(view, statement, given, OF_ANSWERS)
-        # Without a head there is no row of it.
+        # Without a head, there is no row for it.
         found = [row[1 : len(prepared.columns) + 1] for row in rows[view.kb_id is not None :]]
         names = view.definitions.objects.names(set().union(*found))
         return [tuple(map(names.__getitem__, ids)) for ids in found]
 
     def sql(self, view: View) -> str:
-        """Write the statement with all its values, those that are computed first included."""
+        """Write the statement with all its values, including computed ones."""
         prepared, given = self.prepared(view.definitions)
         condition, session = prepared.condition, view.session
         if session.overlay is not None:

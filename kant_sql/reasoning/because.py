@@ -1,8 +1,8 @@
 """Causes: the acts whose conditions used a fact, and the origins of a fact.
 
 Conditions are evaluated in memory, in the states in which acts began and ended. A page of acts is
-read at once, level by level, so that statements grow with the depth alone, and with definitions
-that changed between acts.
+read at once, level by level, so statements grow only with the depth, and with the definitions that
+changed between acts.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from .steps import PreparedAction, executable, prepared
 from .uses import Given, Literal, Uses, parts_used, users_of
 from .world import Row, World
 
-# Versions of the element in question that are followed, and derived facts that are looked at.
+# The maximum number of versions of the element to follow, and of derived facts to check.
 VERSIONS, DERIVED = 50, 1_000
 _HEADS = ("predicate", "function")
 _ABSENT = re.compile(r"\s*\(\s*not\s*(\(.*\))\s*\)\s*", re.DOTALL | re.IGNORECASE)
@@ -115,7 +115,7 @@ class CauseLinks:
 
 
 class _Asked(NamedTuple):
-    """A part that is evaluated, with the objects of its parameters."""
+    """A part to evaluate, with the objects of its parameters."""
 
     part: r.Part
     parameters: Sequence[r.Slot] = ()
@@ -124,7 +124,7 @@ class _Asked(NamedTuple):
 
 
 class _Dated(NamedTuple):
-    """A literal of a state, and the revision since which it was so; 0: ever, or by rules."""
+    """A literal of a state, and the revision since which it held; 0: always, or by rules."""
 
     literal: Literal
     since: int
@@ -148,7 +148,7 @@ class _ActJob(NamedTuple):
     at: int
 
     def asked(self, world: World) -> list[_Asked]:
-        """Return what is evaluated; nothing for acts that are none of the domain."""
+        """Return the conditions to evaluate; none for acts whose action is not in the domain."""
         definitions, act = world.definitions, self.execution
         definition = definitions.actions.named(act.action)
         found = [definitions.objects.named(name) for name in act.arguments]
@@ -165,19 +165,19 @@ class _ActJob(NamedTuple):
 
 _Job = _ActJob | _Dated
 J = TypeVar("J", _Job, _Dated)
-# Parts, and what is given of their variables.
+# Parts, with the given objects of their variables.
 _Read = list[tuple[r.Part, Given]]
 
 
 class _Evaluation:
-    """Evaluates jobs in their states, which are read at once."""
+    """Evaluates jobs in their states, which it reads together."""
 
     def __init__(self, view: View, head: int) -> None:
         assert view.kb_id is not None
         self._view = view
         self._session, self._kb_id = view.session, view.kb_id
         self._reader = PastReader(view.session, view.kb_id, head)
-        # Since when the definitions of the view are as they are.
+        # The revision since which the view's definitions have not changed.
         self._epoch: int | None = None
 
     def run(self, jobs: Sequence[_Job]) -> list[list[_Dated]]:
@@ -192,7 +192,7 @@ class _Evaluation:
         return self._dated(jobs, found, texts)
 
     def derived(self, jobs: Sequence[_Dated]) -> Iterator[tuple[str, str]]:
-        """Yield the derived facts that used literals, with those."""
+        """Yield the derived facts that used literals, with these literals."""
         for world, uses, place in self._in_states(jobs, _read_by_users):
             job = jobs[place]
             for one in sorted(islice(uses.users(job.literal), DERIVED)):
@@ -201,7 +201,7 @@ class _Evaluation:
     def _in_states(
         self, jobs: Sequence[J], read: Callable[[World, J], _Read]
     ) -> Iterator[tuple[World, Uses, int]]:
-        """Yield the place of each job while the world has its state; all are read at once."""
+        """Yield the index of each job while the world has its state; all are read together."""
         of_state: defaultdict[int, list[int]] = defaultdict(list)
         for place, job in enumerate(jobs):
             of_state[job.at].append(place)
@@ -224,7 +224,7 @@ class _Evaluation:
                     yield world, uses, place
 
     def _epochs(self, revisions: Sequence[int]) -> Iterator[tuple[Definitions, list[int]]]:
-        """Yield definitions with the revisions at which they were so, the newest first."""
+        """Yield definitions with the revisions at which they were valid, the newest first."""
         session, kb_id, at = self._session, self._kb_id, self._view.at
         definitions, rest = self._view.definitions, [*revisions]
         if self._epoch is None:
@@ -242,7 +242,7 @@ class _Evaluation:
             rest = rest[len(own) :]
 
     def _states(self, wanted: set[tuple[Reading[int], int]]) -> dict[int, list[Any]]:
-        """Read what held at each revision, of what is depended on."""
+        """Read the wanted facts and values that held at each revision."""
         states: defaultdict[int, list[Any]] = defaultdict(list)
         atoms: Any = [one for one in wanted if None not in one[0][2]]
         for (atom, at), held in self._reader.versions(atoms).items():
@@ -255,7 +255,7 @@ class _Evaluation:
     def _dated(
         self, jobs: Sequence[_Job], found: list[list[Literal]], texts: dict[Literal, str]
     ) -> list[list[_Dated]]:
-        """Add since when literals were so, and their texts."""
+        """Add the revisions since which literals held, and their texts."""
         pairs = [*zip(jobs, found, strict=True)]
         versions = self._reader.versions({(one[:3], job.at) for job, own in pairs for one in own})
 
@@ -272,18 +272,18 @@ class _Evaluation:
 
 
 def _read_by_asked(world: World, job: _Job) -> _Read:
-    """Return what the truth of a job depends on."""
+    """Return the parts on which the truth of a job depends."""
     asked = job.asked(world)
     return [(one.part, dict(zip(one.parameters, one.arguments, strict=True))) for one in asked]
 
 
 def _read_by_users(world: World, job: _Dated) -> _Read:
-    """Return what it depends on which derived facts use a literal."""
+    """Return the parts that decide which derived facts use a literal."""
     return [one for some in users_of(world.definitions, job.literal).values() for one in some]
 
 
 def with_state(world: World, state: Iterable[Any]) -> None:
-    """Give a world other facts and values."""
+    """Replace the facts and values of a world."""
     for fact in world.facts():
         world.remove(*fact)
     for fluent in world.values():
@@ -330,7 +330,7 @@ class _Sought(NamedTuple):
 
 
 def _find(view: View, element: Element, at: int) -> _Sought | None:
-    """Find an element: a fact, a fluent, or the absence of one; None if its names never were."""
+    """Find a fact, a fluent, or the absence of one; None if its names never existed."""
     assert view.kb_id is not None
     text = str(element) if isinstance(element, Dto | Node) else element
     absent = _ABSENT.fullmatch(text) if isinstance(text, str) else None
@@ -365,7 +365,7 @@ def _find(view: View, element: Element, at: int) -> _Sought | None:
         gaps = zip(begins, ends, strict=True)
         spans = [(begin, end) for begin, end in gaps if begin is not None]
     elif not spans and not has_value:
-        # Rules derive it, if anything does.
+        # Only rules can derive it.
         spans = [(0, None)]
     plain = f"(not {plain})" if absent else plain
     targets = [_Target(literal, since, until, plain) for since, until in spans if since <= at]
@@ -374,7 +374,7 @@ def _find(view: View, element: Element, at: int) -> _Sought | None:
 
 # The texts of the literals that an execution, a step of a plan or a derived fact used.
 _Texts = dict[Any, dict[str, None]]
-# Links, each after the number of its revision, which is read in the end; 0: of none.
+# Links, each after the number of its revision, which is read at the end; 0: none.
 _Links = list[tuple[int, CauseLink]]
 _EXECUTION, _DERIVED = "execution", "derived fact"
 
@@ -382,12 +382,12 @@ _EXECUTION, _DERIVED = "execution", "derived fact"
 def _link(
     depth: int, kind: str, id_: str | None, text: str, used: Iterable[str], made: Iterable[str]
 ) -> CauseLink:
-    """Make a link whose revision is not read yet."""
+    """Make a link whose revision is read later."""
     return CauseLink(depth, kind, id_, text, None, tuple(used), tuple(made))
 
 
 def _at(link: CauseLink, revision: Revision | None) -> CauseLink:
-    """Give a link its revision; the first one of a branch loaded no document, but a state."""
+    """Give a link its revision; the first one of a branch loaded a state, not a document."""
     source: Any = None if revision is None else revision.source
     if link.kind == "document" and isinstance(source, dict) and {"parent", "hash"} <= source.keys():
         said = f"{source['parent']} at revision {source.get('revision')}"
@@ -406,13 +406,13 @@ class _Tracer:
         self.archived = position.archived
         self.limit = limit
         self.links: _Links = []
-        # The state after the last archived revision is the first that conditions are judged in.
+        # Conditions are first judged in the state after the last archived revision.
         self.searched = position.archived and position.archived + 1
         self._reader = ExecutionReader(state.store, view)
         self._evaluation = _Evaluation(view, position.head)
 
     def result(self, text: str) -> CauseLinks:
-        """Return the links that were found, up to the limit."""
+        """Return the found links, up to the limit."""
         shown = self.links[: self.limit]
         revisions = read_numbered(self.session, self.kb_id, {one for one, _ in shown if one})
         links = tuple(_at(link, revisions.get(number)) for number, link in shown)
@@ -420,13 +420,13 @@ class _Tracer:
 
     @property
     def is_full(self) -> bool:
-        """Whether there are more links than were asked for."""
+        """Whether there are more links than requested."""
         return len(self.links) > self.limit
 
-    # What follows from it.
+    # Consequences.
 
     def follow(self, found: _Sought, depth: int) -> None:
-        """Find what used an element, and what used what that made, and so on."""
+        """Find what used an element, then what used the results of that, and so on."""
         self.searched = max(self.searched, found.first)
         targets, seen = found.targets, set[Key]()
         for level in range(1, depth + 1):
@@ -435,14 +435,14 @@ class _Tracer:
             targets = self._used(targets, level, seen)
 
     def _used(self, targets: list[_Target], level: int, seen: set[Key]) -> list[_Target]:
-        """Find what used some literals; return what it made of others."""
+        """Find the users of some literals; return the literals that they made."""
         wanted = dict.fromkeys(one for target in targets for one in self._wanted(target))
         found, searched = find_acts(
             self.session, self.kb_id, self.view.definitions, wanted, self.limit + 1
         )
         self.searched = max(self.searched, searched)
         acts: dict[Any, Execution] = {**self._reader.listed([one.key for one in found])}
-        # The state that a plan was made from, unless it was recorded after the state that is asked;
+        # Find the state that a plan was made from, unless it was recorded after the asked state;
         # its steps come from other keys than their executions.
         known = [one for one in found if one.is_planned and one.key in acts]
         planned = {(*one.key, 0): one.revision for one in known}
@@ -481,7 +481,7 @@ class _Tracer:
                 return
 
     def _wanted(self, target: _Target) -> Iterator[WantedActs]:
-        """Yield which acts may have used a literal."""
+        """Yield the acts that may have used a literal."""
         low = max(target.since, self.archived, 1)
         high = self.at if target.until is None else min(target.until, self.at)
         users = [*users_of(self.view.definitions, target.literal)]
@@ -489,7 +489,7 @@ class _Tracer:
             action = prepared(self.view.definitions, definition)
             places = {one.slot: place for place, one in enumerate(action.parameters)}
             for (head, terms), user in product(occurrences(action), users):
-                # It may be of an arity that is no more, or never was.
+                # The literal may have an arity that no longer exists, or never did.
                 if head != user[:2] or len(terms) != len(user.row):
                     continue
                 pairs = [
@@ -506,7 +506,7 @@ class _Tracer:
     def _linked(
         self, level: int, acts: dict[Any, Execution], used: _Texts, planned: dict[Any, int]
     ) -> list[_Target]:
-        """Add what used something, and return what it made."""
+        """Add the users, and return the literals that they made."""
         done = {key: acts[key].revisions for key in used if key in acts and key not in planned}
         numbers = {one for revisions in done.values() for one in revisions}
         made: defaultdict[int, list[_Target]] = defaultdict(list)
@@ -534,10 +534,10 @@ class _Tracer:
         """Add links, the newest first."""
         self.links += sorted(found, key=lambda one: -one[0])
 
-    # What it goes back to.
+    # Origins.
 
     def go_back(self, sought: _Sought, depth: int) -> None:
-        """Find what made the last version of an element true, and what that used, and so on."""
+        """Find what made the last version of an element true, then what that used, and so on."""
         if not sought.targets:
             return
         target = sought.targets[0]
@@ -552,7 +552,7 @@ class _Tracer:
             seen.update(found)
 
     def _made(self, level: list[_Dated], depth: int) -> list[_Dated]:
-        """Find what made literals true; return what it used."""
+        """Find what made literals true; return the literals that it used."""
         made: defaultdict[int, dict[str, None]] = defaultdict(dict)
         for one in level:
             made[one.since][one.text] = None
@@ -590,7 +590,7 @@ class _Tracer:
 
 
 def occurrences(action: PreparedAction) -> list[tuple[Head, tuple[r.Place, ...]]]:
-    """Return what the conditions of an action mention."""
+    """Return the facts and fluents that the conditions of an action mention."""
     return action.kept("mentioned", lambda: list(_occurrences(action)))
 
 
@@ -666,7 +666,7 @@ def _trace(
 ) -> CauseLinks:
     """Find links within one snapshot."""
     whole_number(depth, "depth", least=1, expected="a whole number from 1 on")
-    # One more is read, to know whether there are more.
+    # One more is read, to know whether there are more than the limit.
     most = min(at_most(limit), LARGEST - 1)
 
     def work(view: View) -> CauseLinks | None:
@@ -687,7 +687,7 @@ def _trace(
 
 
 def literals_used(state: State, executions: Sequence[Execution]) -> list[list[tuple[str, int]]]:
-    """Return the literals that each execution used, and the revisions since which they were so."""
+    """Return the literals that each execution used, each with its first revision."""
 
     def work(view: View) -> list[list[tuple[str, int]]]:
         jobs = [(place, job) for place, one in enumerate(executions) for job in _moments(one)]

@@ -14,7 +14,7 @@ from ..html import Listing
 from ..knowledge.definitions import Definition, Definitions
 from ..store.state import State
 
-# In this order where several elements have similar names.
+# The order of elements with similar names.
 _KINDS = ("predicate", "function", "object", "action", "type")
 DEFAULT_LIMIT = 20
 
@@ -34,7 +34,7 @@ class Completion(NamedTuple):
 
 
 class _Named(NamedTuple):
-    """A definition under its folded name, which sorts it."""
+    """A definition with its folded name as sort key."""
 
     folded: str
     order: int

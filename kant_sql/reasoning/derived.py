@@ -1,7 +1,7 @@
-"""Derived predicates of a world: components of rules, in the order in which they are derived.
+"""Derived predicates of a world: the components of their rules, in the order of derivation.
 
-They hold of the least fixpoint, stratum by stratum (Thiebaux, Hoffmann and Nebel, In defense of
-PDDL axioms, Artificial Intelligence 168, 2005).
+The derived facts are the least fixpoint, stratum by stratum (Thiebaux, Hoffmann and Nebel, In
+defense of PDDL axioms, Artificial Intelligence 168, 2005).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Component:
     """The rules of derived predicates that depend on each other.
 
     Their facts are derived in rounds. A rule whose conjunction has recursive atoms takes one of
-    them from the new facts of the last round (semi-naive evaluation); one with recursion further
+    these from the new facts of the last round (semi-naive evaluation); one with recursion further
     inside is evaluated as a whole.
     """
 
@@ -76,7 +76,7 @@ class Component:
         """Derive the facts unless they are fresh."""
         if self.is_fresh:
             return
-        # Rules read the facts that are derived so far.
+        # Rules read the facts derived so far.
         self.is_fresh = True
         world = self._world
         for head in self.heads:
@@ -118,14 +118,14 @@ class _Rule:
         self._template = compiler.template
 
     def rows(self) -> Iterator[Row]:
-        """Yield the facts that the rule derives, perhaps repeatedly."""
+        """Yield the facts that the rule derives, possibly more than once."""
         env = self._template.copy()
         for _ in self._search(env):
             yield self._pick(env)
 
 
 def fitting(definitions: Definitions, head: int, rule: DerivationRule) -> tuple[Bound, ...]:
-    """Return the parameters of a rule: their objects fit those of its predicate, too."""
+    """Return the parameters of a rule; their objects also fit those of its predicate."""
     declared = definitions.predicates.live(head).parameters
     return tuple(
         Bound(each.slot, (*each.types, closure(definitions, parameter.type_ids)))

@@ -1,7 +1,7 @@
-"""Executing steps: at once, or a durative one in two halves, as robots do.
+"""Execution of steps: at once, or a durative one in two halves, as robots do.
 
 A durative step begins with its conditions and effects `at start`, and ends with those `at end`;
-what is `over all` holds from right after the start until right before the end (Fox and Long, PDDL
+conditions `over all` hold from right after the start until right before the end (Fox and Long, PDDL
 2.1, 2003, section 5). Each step is recorded as an execution, in the revision of its effects, so all
 processes know which steps are running.
 """
@@ -174,7 +174,7 @@ def _apply(transaction: Transaction, step: GroundStep) -> None:
 
 
 def _set(transaction: Transaction, execution: Execution, outcome: str) -> None:
-    """Set an outcome; refuse one that another writer has set, as its effects are written."""
+    """Set an outcome; refuse if another writer has set one, because its effects are written."""
     if not set_outcome(transaction, execution, outcome):
         raise PlanError(f"{execution.place}, {execution}, is {outcome!r} already; read it again")
 
@@ -184,7 +184,7 @@ def _why(error: NotApplicableError) -> str:
 
 
 def refuse(store: Store, step: Execution, why: str, reason: str | None) -> Execution:
-    """Record that a step of a recorded plan was refused, in one revision; it stays to be done."""
+    """Record that a step of a recorded plan was refused, in one revision; it stays open."""
     refused: list[Key] = []
 
     def work(transaction: Transaction, found: GroundStep) -> None:
@@ -192,7 +192,7 @@ def refuse(store: Store, step: Execution, why: str, reason: str | None) -> Execu
 
     try:
         in_revision(store, step, reason, None, "refused", work)
-    except InvalidKnowledgeError:  # What it names is gone.
+    except InvalidKnowledgeError:  # Its action or an object is gone.
         with store.transaction(reason=reason or f"refused {step}", plan_step=key_of(step)):
             said: Any = {"arguments": step.arguments, "text": why}
             return report(State(store, None), step.action, outcome="refused", **said)
@@ -206,7 +206,7 @@ def _record(
     numbers: Mapping[str, Decimal] | None = None,
     message: str | None = None,
 ) -> Key:
-    """Record a step of no plan."""
+    """Record a step without a plan."""
     given = (numbers or {}).get(f.DURATION, step.duration)
     duration = given if step.action.is_durative else None
     lasts = None if duration is None else number_text(duration)
@@ -221,7 +221,7 @@ def _finish(
     numbers: Mapping[str, Decimal],
     earlier: Earlier,
 ) -> None:
-    """Execute what is continuous, and the second half of a durative step."""
+    """Execute the continuous effects and the second half of a durative step."""
     state = view_of(transaction)
     lost = until_end(state, step, numbers)
     if lost:
@@ -283,7 +283,7 @@ def begin_running(
     *,
     check: Callable[[GroundStep], None] | None = None,
 ) -> Execution:
-    """Start a step; one without duration has all its effects at its end, and `apply` ends it."""
+    """Start a step; one without duration has all effects at its end, which `apply` executes."""
     started: list[Key] = []
 
     def work(transaction: Transaction, found: GroundStep) -> None:
@@ -377,7 +377,7 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
     store = state.store
     flag(undo, "undo", PlanError)
     running, of_start = _running(store, step)
-    # Without duration, it has all its effects at its end.
+    # A step without duration has all its effects at its end.
     effects = start_effects(store, running) if of_start.action.is_durative else []
     left: list[Change] = []
 
@@ -437,7 +437,7 @@ def _running(store: Store, step: object) -> tuple[Execution, GroundStep]:
 
 
 def _earlier(store: Store, recorded: Execution, found: GroundStep) -> Earlier:
-    """Find what the effects at the end need of the state before the start."""
+    """Find the objects from the state before the start that the effects at the end need."""
     items = found.action.items(AT_END)
     if not recorded.outcomes or all(each.earlier == AllOf(()) for each in items):
         return {}
@@ -446,7 +446,7 @@ def _earlier(store: Store, recorded: Execution, found: GroundStep) -> Earlier:
         then = ground(view.definitions, recorded)
         ends = then.action.items(AT_END)
         held = EffectReader(view, then, {}).earlier(ends)
-        # The same effects, as the present state has them.
+        # The same effects, by the present definitions.
         places = {id(item): n for n, item in enumerate(ends)}
         return {id(items[places[key]]): rows for key, rows in held.items()}
 
@@ -480,12 +480,12 @@ def find_broken(
         for step in running:
             try:
                 of_step = ground(view.definitions, step)
-            except InvalidKnowledgeError as error:  # What it names is gone.
+            except InvalidKnowledgeError as error:  # Its action or an object is gone.
                 found.append((step, FailedCondition("the step", str(error))))
                 continue
             nodes = closed_nodes(of_step, OVER_ALL) if of_step.action.is_durative else []
             asked.append((step, nodes, f.Variable(f.DURATION) in f.walk(*nodes)))
-        # Mostly all hold: together they take few statements.
+        # Usually all hold: together they take few statements.
         alike = [node for _, nodes, is_own in asked if not is_own for node in nodes]
         do_hold = not Explainer(view).failed_nodes(alike)
         for step, nodes, is_own in asked:
@@ -508,13 +508,13 @@ def broken_since(
     if step.duration is not None:
         condition = _DURATION.sub(f"{step.duration:f}", condition)
     if not any(map(str.isalpha, condition)):
-        return None  # It compares the duration with a number, which nobody broke.
+        return None  # It compares the duration with a number: nobody broke it.
     position = store.query_known(read_position, None)
     archived = position and position.archived
     try:
         periods = when(State(store, at), f"(not {condition})", since=archived or None)
     except (InvalidKnowledgeError, UnsupportedConstructError):
-        return None  # It is no condition, but an unknown name, a rule, or a missing value.
+        return None  # It is an unknown name, a rule, or a missing value, not a condition.
     return periods[-1].since if periods and periods[-1].until is None else None
 
 
@@ -546,17 +546,17 @@ def _listed(changes: tuple[Change, ...]) -> str:
 
 @dataclass(frozen=True)
 class _Effect:
-    """What the start of a step changed of one element."""
+    """The change of one element by the start of a step."""
 
     key: AtomKey | FluentKey  # the fact or the fluent
     before: bool | FluentValue | None  # whether the fact held, or the value, before
     after: bool | FluentValue | None  # the same since
-    changes: tuple[Change, ...]  # the change as a log has it
-    is_alone: bool = True  # whether nothing else of that revision changed the element, too
+    changes: tuple[Change, ...]  # the changes as in a log
+    is_alone: bool = True  # whether it is the only change of the element in that revision
 
 
 def start_effects(store: Store, step: Execution) -> list[_Effect] | None:
-    """Find what the start of a running step changed; None if the state before is not known."""
+    """Find the changes of the start of a running step; None if the state before is unknown."""
     if not step.outcomes:
         return None
     number = step.outcomes[-1].since.number
@@ -573,7 +573,7 @@ def start_effects(store: Store, step: Execution) -> list[_Effect] | None:
         changes = diff(State(store, None), number - 1, number)
         lines = {(each.sign, each.text): each for each in changes}
     except (ArchivedError, InvalidKnowledgeError, NotApplicableError, PddlError):
-        # Archived, or the start is of the revision that declares what it needs.
+        # Archived, or the revision of the start declares what it needs.
         return None
     return [*_facts(read, texts, lines), *_values(store, read, lines, values)]
 
@@ -616,13 +616,13 @@ def _is(value: FluentValue, expected: Decimal | int | FailedCondition) -> bool:
 
 
 def _object(store: Store, text: str) -> int | None:
-    """Return the object that a value is, or was until it was deleted; None for a number."""
+    """Return the object that is or was a value, even a deleted one; None for a number."""
     read = partial(find_id, kind="object", name=text)
     return store.query_known(read, None, in_snapshot=False)
 
 
 def _can_be_again(definitions: Definitions, effect: _Effect) -> bool:
-    """Return whether what held or had a value before a start still can: all that it names."""
+    """Return whether the fact or value before a start is still possible: by its names."""
     key, before = effect.key, effect.before
     if not before:
         return True
@@ -637,7 +637,7 @@ def _can_be_again(definitions: Definitions, effect: _Effect) -> bool:
 
 
 def standing(transaction: Transaction, effects: list[_Effect]) -> list[bool]:
-    """Return which effects still stand."""
+    """Return which effects remain."""
     atoms = transaction.propositions.find([e.key for e in effects if isinstance(e.key, AtomKey)])
     fluents = transaction.values.find([e.key for e in effects if isinstance(e.key, FluentKey)])
     found = []
@@ -656,7 +656,7 @@ def standing(transaction: Transaction, effects: list[_Effect]) -> list[bool]:
 
 
 def take_back(transaction: Transaction, step: Execution, effects: list[_Effect] | None) -> None:
-    """Take back what the start of a step changed, unless something else changed it."""
+    """Revert the changes of the start of a step, unless something else has changed them."""
     if effects is None:
         raise PlanError(
             f"{step} cannot be undone: the state before its start is archived or not committed; "

@@ -1,4 +1,4 @@
-"""The effects of a step: what it would change in a state, and writing that.
+"""The effects of a step: computes its changes in a state, and writes them.
 
 All conditions and right-hand sides are evaluated in the state before, and deletes come before adds
 (Fox and Long, PDDL 2.1, 2003, section 4 and definition 11). Several increases and decreases of one
@@ -29,18 +29,18 @@ from .explain import decimals, exact, read_numbers
 from .failures import FailedCondition
 from .steps import EffectItem, GroundStep
 
-# For which objects the earlier condition of each effect held.
+# The objects for which the earlier condition of each effect held.
 Earlier = Mapping[int, set[tuple[Any, ...]]]
 
 
 @dataclass
 class StepChanges:
-    """What a step changes."""
+    """The changes of a step."""
 
-    deletes: dict[AtomKey, None] = field(default_factory=dict)  # the facts that it deletes
-    # The facts that it adds, with their texts.
+    deletes: dict[AtomKey, None] = field(default_factory=dict)  # the deleted facts
+    # The added facts, with their texts.
     adds: dict[AtomKey, str] = field(default_factory=dict)
-    # What it does to each fluent, with the fluent's text.
+    # The operators and values for each fluent, with the fluent's text.
     assignments: dict[FluentKey, tuple[str, list[tuple[str, Exact | int]]]] = field(
         default_factory=dict
     )
@@ -52,13 +52,13 @@ class EffectReader:
 
     view: View
     step: GroundStep
-    numbers: Mapping[str, Decimal]  # what comes with the step: its duration
-    # For which objects the conditions at the start held of effects at the end.
+    numbers: Mapping[str, Decimal]  # the numbers of the step: its duration
+    # The objects for which the start conditions of the effects at the end held.
     held: Earlier = field(default_factory=dict)
     _changes: StepChanges = field(default_factory=StepChanges)
 
     def read(self, items: Sequence[EffectItem]) -> StepChanges:
-        """Return what the effects change."""
+        """Return the changes of the effects."""
         certain = [item for item in items if item.numbers and item.is_certain]
         known = self._numbers_of(certain) if certain else {}
         for item in items:
@@ -69,18 +69,18 @@ class EffectReader:
         return self._changes
 
     def write(self, transaction: Transaction, time: str) -> None:
-        """Write the effects of a time."""
+        """Write the effects at a time."""
         write(transaction, self.step, self.read(self.step.action.items(time)))
 
     def _numbers_of(self, items: Sequence[EffectItem]) -> Mapping[NumberOf, Decimal]:
-        """Return the numbers that effects without a condition need, by one statement."""
+        """Return the numbers that unconditional effects need, by one statement."""
         numbers = list(dict.fromkeys(number for item in items for number in item.numbers))
         key = "numbers", *map(id, items)
         [texts] = self._asked(key, AllOf(()), (), numbers, self.step.values)
         return decimals(numbers, texts)
 
     def _check_values(self, item: EffectItem) -> None:
-        """Refuse an effect on, or to, what an object fluent without a value denotes."""
+        """Refuse an effect whose terms or value contain an object fluent without a value."""
         if self._run(item, "lacking"):
             declared = self.view.definitions.predicates, self.view.definitions.functions
             head = declared[item.operator not in ("add", "delete")].live(item.head)
@@ -91,14 +91,14 @@ class EffectReader:
     def _rows(
         self, item: EffectItem
     ) -> Iterator[tuple[Mapping[Slot, int], Mapping[NumberOf, Decimal]]]:
-        """Yield for which objects an effect happens, with the numbers that it needs."""
+        """Yield the objects of each occurrence of an effect, with the numbers that it needs."""
         numbers, slots = item.numbers, [each.slot for each in item.bound]
         for row in self._run(item, "now"):
             values = decimals(numbers, row[len(slots) : len(slots) + len(numbers)])
             yield dict(zip(slots, row, strict=False)), values
 
     def earlier(self, items: Sequence[EffectItem]) -> Earlier:
-        """Return for which objects what effects need at the start holds."""
+        """Return the objects for which the start conditions of effects hold."""
         return {
             id(item): {row[: len(item.bound)] for row in self._run(item, "earlier")}
             for item in items
@@ -106,7 +106,7 @@ class EffectReader:
         }
 
     def _run(self, item: EffectItem, which: str) -> list[Any]:
-        """Return for which objects, and with which numbers, a condition of an effect holds."""
+        """Return the objects for which a condition of an effect holds, with their numbers."""
         condition, bound, numbers = item.condition, item.bound, item.numbers
         if which == "earlier":
             condition, numbers = item.earlier, []
@@ -115,7 +115,7 @@ class EffectReader:
         given = {**self.step.values, **given_numbers(self.numbers)}
         rows = self._asked((which, id(item)), condition, bound, numbers, given)
         if not (bound or numbers):
-            # Without columns, a row says that the condition holds.
+            # Without columns, a row means that the condition holds.
             rows = [()] * len(rows)
         if which == "earlier" or item.earlier == AllOf(()):
             return rows
@@ -130,7 +130,7 @@ class EffectReader:
         numbers: Sequence[NumberOf],
         given: Mapping[str, Any],
     ) -> list[Any]:
-        """Run a statement, which is made once of each action."""
+        """Run a statement; each action makes it once."""
         view, step = self.view, self.step
         statement = step.action.kept(
             (*key, *statement_key(view, self.numbers)),
@@ -168,7 +168,7 @@ class EffectReader:
         ]
 
     def _text(self, declared: PredicateDefinition | FunctionDefinition, ids: Sequence[int]) -> str:
-        """Write an atom or a fluent, whose objects must fit."""
+        """Write an atom or a fluent; refuse objects that do not fit."""
         objects = [*map(self.view.definitions.objects.live, ids)]
         text = atom_text(declared.name, [each.name for each in objects])
         for each, parameter in zip(objects, declared.parameters, strict=True):
@@ -219,7 +219,7 @@ def not_applicable(step: object, failed: Sequence[FailedCondition]) -> NotApplic
 
 
 def write(transaction: Transaction, step: object, changes: StepChanges) -> None:
-    """Write what a step changes."""
+    """Write the changes of a step."""
     propositions, adds = transaction.propositions, changes.adds
     atoms = propositions.find({**changes.deletes, **adds})
     propositions.load(atoms.values())
@@ -249,7 +249,7 @@ def write(transaction: Transaction, step: object, changes: StepChanges) -> None:
 def combined(
     text: str, made: Sequence[tuple[str, Exact | int]], before: Decimal | None
 ) -> Decimal | int | FailedCondition:
-    """Return the value that a fluent gets, or why it gets none."""
+    """Return the new value of a fluent, or why it has none."""
     operators = {operator for operator, _ in made}
     if "assign" in operators:
         values = {value for _, value in made}
@@ -259,7 +259,7 @@ def combined(
         return value if isinstance(value, int) else decimal_of(value)
     if len(made) > 1 and not (operators <= ADDITIVE or operators <= SCALING):
         return FailedCondition(text, "the step both adds to it and scales it")
-    # The cost of a plan begins at 0, also where the problem does not say so, as VAL has it.
+    # The cost of a plan begins at 0, as in VAL, even if the problem does not set it.
     if before is None and fold(text) != f"({TOTAL_COST})":
         return FailedCondition(text, "has no value that could be changed")
     number: Exact | None = Decimal(0) if before is None else before
@@ -278,7 +278,7 @@ NewValues = Mapping[FluentKey, tuple[Decimal | None, Decimal | int | FailedCondi
 
 
 def new_values(view: View, changes: StepChanges) -> NewValues:
-    """Return what becomes of the fluents that a step changes."""
+    """Return the new values of the fluents that a step changes."""
     numbers = {
         key: NumberOf(key.function_id, tuple(map(Known, objects_of(key))))
         for key, (_, made) in changes.assignments.items()
@@ -293,7 +293,7 @@ def new_values(view: View, changes: StepChanges) -> NewValues:
 
 
 def settled(view: View, changes: StepChanges) -> tuple[list[EffectItem], list[FailedCondition]]:
-    """Return changes as effects on some objects with the values that fluents get, or why not."""
+    """Return changes as ground effects with the new values of fluents, or why they have none."""
     items = [ground_item("delete", key.predicate_id, objects_of(key)) for key in changes.deletes]
     items += [ground_item("add", key.predicate_id, objects_of(key)) for key in changes.adds]
     failed = []

@@ -1,8 +1,8 @@
 """Resolved conditions and numbers, compiled for a world in memory.
 
 What `sql.condition_writer` writes as SQL becomes a closure here. `Witness` is a search for objects:
-a nested loop over facts of the positive atoms in its conjunction, with the most terms known first,
-and over the objects of a type where no atom is left; each other part is tested as soon as its
+a nested loop over facts of the positive atoms in its conjunction, those with the most known terms
+first, and over the objects of a type if no atom is left; each other part is tested as soon as its
 variables have objects.
 """
 
@@ -21,14 +21,14 @@ from ..knowledge.grounding import Binding
 from .arithmetic import EXACT, LINEARS, Exact, Linear, Numbers, decimal_of
 from .world import Relation, Row, World, picker
 
-# The objects of variables and constants, and the duration, by their places.
+# The objects of variables and constants, and the duration, by position.
 Env = list[Any]
 Test = Callable[[Env], bool]
 Number = Callable[[Env, Numbers[Any]], Any]
-# Yields whenever the variables of a search have objects in the environment.
+# Yields once for each solution, whose objects are then in the environment.
 Search = Callable[[Env], Iterator[None]]
 Rows = Callable[[Env], set[Row]]
-# An atom of a conjunction that is read from other facts.
+# An atom of a conjunction, and the other facts to read it from.
 Delta = tuple[r.Part, Relation] | None
 
 _DURATION = 0
@@ -36,7 +36,7 @@ _Types = dict[r.Slot, tuple[r.TypeSet, ...]]
 
 
 def alternatives(bound: Iterable[r.Bound], part: r.Part) -> list[tuple[_Types, tuple[r.Part, ...]]]:
-    """Return the conjunctions of a disjunction, each with its variables; one for anything else."""
+    """Return the conjunctions of a disjunction, each with its variables; or the part itself."""
     variables = {each.slot: each.types for each in bound}
     while isinstance(part, r.Witness):
         variables.update({each.slot: each.types for each in part.bound})
@@ -49,7 +49,7 @@ def alternatives(bound: Iterable[r.Bound], part: r.Part) -> list[tuple[_Types, t
 
 
 class Compiler:
-    """Compiles parts that share the places of variables; evaluations give `parameters` objects."""
+    """Compiles parts whose variables share an environment; evaluations give `parameters`."""
 
     def __init__(self, world: World, parameters: Iterable[r.Slot] = ()) -> None:
         self.world = world
@@ -58,14 +58,14 @@ class Compiler:
         self._parameters = [self.at(slot) for slot in parameters]
 
     def env(self, arguments: Sequence[int] = (), duration: Decimal | None = None) -> Env:
-        """Return what an evaluation begins with."""
+        """Return the initial environment of an evaluation."""
         env = self.template.copy()
         env[_DURATION] = duration
         env[1 : len(arguments) + 1] = arguments
         return env
 
     def at(self, place: r.Place) -> int:
-        """Return where an object stands in the environment."""
+        """Return the position of an object in the environment."""
         found = self._places.get(place)
         if found is None:
             found = self._places[place] = len(self.template)
@@ -73,13 +73,13 @@ class Compiler:
         return found
 
     def picker(self, terms: Iterable[r.Place]) -> Callable[[Env], Row]:
-        """Return what picks objects from the environment."""
+        """Return a function that picks objects from the environment."""
         return picker(tuple([self.at(term) for term in terms]))
 
     # Tests.
 
     def test(self, part: r.Part) -> Test:
-        """Compile a part whose variables have objects."""
+        """Compile the test of a part whose variables have objects."""
         match part:
             case r.HoldsFact():
                 return self._fact(part)
@@ -137,7 +137,7 @@ class Compiler:
 
     def search(self, bound: Iterable[r.Bound], part: r.Part, delta: Delta = None) -> Search:
         """Compile a search for the objects of variables, which yields for each solution."""
-        # Alternatives without the atom of the delta are left out.
+        # Skip alternatives without the atom of the delta.
         searches = [
             self._join(variables, parts, delta)
             for variables, parts in alternatives(bound, part)
@@ -153,16 +153,16 @@ class Compiler:
         return union
 
     def rows(self, bound: Sequence[r.Bound], part: r.Part) -> Rows:
-        """Compile for which objects of variables a part holds."""
+        """Compile the query for the objects of variables for which a part holds."""
         search, pick = self.search(bound, part), self.picker([each.slot for each in bound])
-        # Without variables, the first solution decides, however many there are inside `exists`.
+        # Without variables, one solution is enough, however many there are inside `exists`.
         most = None if bound else 1
         return lambda env: {pick(env) for _ in islice(search(env), most)}
 
     def counterexamples(
         self, resolver: r.Resolver, variables: Sequence[f.TypedName], formula: f.Formula
     ) -> tuple[r.Witness, Rows]:
-        """Return that a formula fails for some objects, and compile for which."""
+        """Make the condition that a formula fails for some objects; compile the query for them."""
         with resolver.within(variables) as bound:
             part = r.negate(resolver.part(formula))
         return r.Witness(bound, part), self.rows(bound, part)
@@ -185,7 +185,7 @@ class Compiler:
         return [self.test(part) for part in ready]
 
     def _chosen(self, rest: list[_Conjunct], unbound: _Types, delta: Delta) -> _Step | None:
-        """Choose the atom or the fluent whose objects are looped over next."""
+        """Choose the next atom or fluent to loop over."""
         ranks: dict[int, tuple[int, int]] = {}
         for place, (part, _) in enumerate(rest):
             is_delta = delta is not None and part is delta[0]
@@ -203,7 +203,7 @@ class Compiler:
         return self._scan(part, unbound, delta)
 
     def _all_objects(self, rest: Sequence[_Conjunct], unbound: _Types) -> _Step:
-        """Loop over the objects of a variable; those of fluents are looked up if they can be."""
+        """Loop over the objects of a variable, preferably not one that a fluent gives."""
         values = {each.part.value for each in rest if isinstance(each.part, r.FluentIs)}
         members = self.world.members
         slot = min(unbound, key=lambda one: (one in values, len(members(unbound[one]))))
@@ -227,14 +227,14 @@ class Compiler:
         return _Step(rows, (0,), (self.at(part.value),), ())
 
     def _misfits(self, wanted: tuple[r.TypeSet, ...], own: r.TypeSet) -> frozenset[int] | None:
-        """Return the objects that fit, unless all of some types do."""
+        """Return the objects that fit all wanted types; None if those of the own type do anyway."""
         left = tuple(
             [each for each in wanted if each is not None and (own is None or not own <= each)]
         )
         return self.world.members(left) if left else None
 
     def _scan(self, atom: r.HoldsFact, unbound: _Types, delta: Delta) -> _Step:
-        """Compile a loop over the facts of an atom; its variables have objects from then on."""
+        """Compile a loop over the facts of an atom; from then on, its variables have objects."""
         world, definitions = self.world, self.world.definitions
         known = tuple([at for at, term in enumerate(atom.terms) if term not in unbound])
         declared = definitions.predicates.live(atom.predicate).parameters
@@ -271,7 +271,7 @@ class Compiler:
     # Numbers.
 
     def number(self, quantity: r.Quantity, needed: r.Needed | None = None) -> Number:
-        """Compile a number, with the objects that it needs; it returns None without a value."""
+        """Compile a number, with its needed objects; the number is None if it has no value."""
         number = self._number(quantity)
         if needed is None or not needed.bound:
             return number
@@ -335,7 +335,7 @@ class _Conjunct(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """A loop: rows, the positions in them that are new, their places, and the tests of each."""
+    """A loop: rows, the positions of new objects in them, their positions, and its tests."""
 
     rows: Callable[[Env], Collection[Row]]
     positions: tuple[int, ...]
@@ -350,7 +350,7 @@ def _is_slow(part: r.Part) -> bool:
 
 
 def _joined(tests: Sequence[Test], decides: bool) -> Test:
-    """Test a disjunction, which a part that holds decides, or a conjunction, which another does."""
+    """Test a disjunction (`decides` is True) or a conjunction (False)."""
     if len(tests) == 2:
         first, second = tests
         if decides:
@@ -371,7 +371,7 @@ def _fitting(
     repeated: list[tuple[int, int]],
     kinds: list[tuple[int, frozenset[int]]],
 ) -> Collection[Row]:
-    """Return the rows with the same objects at some positions, and some of certain types."""
+    """Return the rows with equal objects at some positions, and objects of types at others."""
     if not repeated and not kinds:
         return rows
     return [
@@ -383,7 +383,7 @@ def _fitting(
 
 
 def _loop(tests: tuple[Test, ...], steps: tuple[_Step, ...]) -> Search:
-    """Return a nested loop, on an explicit stack."""
+    """Return a nested loop that uses an explicit stack."""
     is_possible = _joined(tests, False)
 
     def run(env: Env) -> Iterator[None]:
@@ -425,7 +425,7 @@ def _continuous_time(env: Env, numbers: Numbers[Any]) -> Any:
 
 
 def _compare_linear(world: World, operator: str, left: Number, right: Number, env: Env) -> bool:
-    """Compare while numbers change; note the time at which the sides are equal."""
+    """Compare while numbers change; record the time at which the sides are equal."""
     first, second = left(env, LINEARS), right(env, LINEARS)
     if first is None or second is None:
         return False
@@ -446,7 +446,7 @@ class Conditions:
     def holds(
         self, formula: f.Formula, binding: Binding | None = None, duration: Decimal | None = None
     ) -> bool:
-        """Return whether a formula holds now; a preference in it holds always."""
+        """Return whether a formula holds now; preferences in it always hold."""
         test, env = self._get(formula, binding or {}, duration)
         return bool(test(env))
 
@@ -464,7 +464,7 @@ class Conditions:
         key = id(node), tuple(binding)
         found = self._compiled.get(key)
         if found is None:
-            # An id is used again once its formula is gone, so it is kept.
+            # Keep the node: its id could be reused once it is gone.
             found = self._compiled[key] = (node, *self._compile(node, key[1]))
         ids = self.world.ids
         return found[2], found[1].env([ids[name] for name in binding.values()], duration)

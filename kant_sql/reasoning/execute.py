@@ -47,7 +47,7 @@ from .steps import ground
 from .validate import GivenPlan, read_any_plan
 
 Dispatch = Callable[[Execution], object]
-# Of more revisions, those are found out first that changed the state: a camera may confirm much.
+# With more revisions, find those that changed the state first: a camera may confirm much.
 FEW = 8
 _CANCELLED = (asyncio.CancelledError, futures.CancelledError)
 
@@ -154,7 +154,7 @@ def execute(
 
 
 class _Said(NamedTuple):
-    """What came of a step that did not succeed."""
+    """The outcome of a step that did not succeed."""
 
     outcome: Outcome
     code: str | None = None
@@ -163,7 +163,7 @@ class _Said(NamedTuple):
 
 def _failure(error: BaseException) -> _Said:
     code, text = type(error).__name__, ""
-    with suppress(Exception):  # An error may fail to say what it is.
+    with suppress(Exception):  # The error's own text may raise.
         text = str(error)
         code = str(getattr(error, "code", None) or code)
     code, text = (UNSTORABLE.sub("\ufffd", each) for each in (code, text))
@@ -171,10 +171,10 @@ def _failure(error: BaseException) -> _Said:
 
 
 def check_call(call: object, name: str) -> None:
-    """Refuse what cannot be called by a thread, which awaits nothing."""
+    """Refuse a call that is no plain function, as threads await nothing."""
     optional_call(call, name)
     if iscoroutinefunction(call):
-        # Else a step would count as done that has not begun.
+        # Otherwise, a step would count as done that has not begun.
         raise InvalidArgumentError(
             f"{name} is a coroutine function; give a function, which runs in a thread"
         )
@@ -223,7 +223,7 @@ class Executive:
         self._running: dict[Key, Execution] = {}
         self._dispatched: dict[Key, Execution] = {}
         self._threads: list[threading.Thread] = []
-        # What other threads have this one do; it waits for that, for as long as the pause.
+        # The calls that other threads send to this one; it waits for them as long as the pause.
         self._asked: SimpleQueue[Callable[[], object]] = SimpleQueue()
         self._pause: float | None = 0
         self._is_over = threading.Event()
@@ -232,17 +232,17 @@ class Executive:
         self._error: Exception | None = None
 
     def _take(self, plan: RecordedPlan) -> None:
-        """Execute what is left of a plan from now on."""
+        """Execute the rest of a plan from now on."""
         self._plan_id = plan.id
         self._left = deque(_steps_left(plan))
         self.size = len(self._left)
-        # A plan that goes on does so at once.
+        # A plan that continues does so at once.
         is_whole = self.size == len(plan.steps)
         self._first = 0.0 if is_whole or not self._left else float(self._left[0].start or 0)
         self._remaining = Remaining(plan.id)
 
     def run(self) -> ExecutedPlan:
-        """Execute the plan, in this thread and one for each step that runs."""
+        """Execute the plan, in this thread and one more for each running step."""
         self._begun = time.monotonic()
         self._seen = head_revision(self.state)
         self._thread(self._watch, self._seen)
@@ -251,7 +251,7 @@ class Executive:
             while not self._look():
                 self._do_what_is_asked()
         except BaseException:
-            # The store may be gone; then what ran is recorded as running.
+            # The store may be gone; then the running steps stay recorded as running.
             with suppress(KantSqlError):
                 self._stop(None)
             raise
@@ -272,7 +272,7 @@ class Executive:
         return plan
 
     def give_up(self) -> None:
-        """End the plan: what runs is aborted."""
+        """End the plan, and abort its running steps."""
         self._is_given_up = True
         self._asked.put(partial(self._stop, None))
         planning = self._planning
@@ -292,19 +292,19 @@ class Executive:
         return thread
 
     def _watch(self, after: int) -> None:
-        """Wake up for each revision, whoever writes it; this ends half a second after the plan."""
+        """Wake up for each revision of any writer; this ends half a second after the plan."""
         try:
             while not self._is_over.is_set():
                 found = watch_until(self.state, after, None, self._is_over.is_set)
                 after = after if found is None else found
-                self._asked.put(bool)  # It looks.
+                self._asked.put(bool)  # Any call wakes it up.
         except Exception as error:
             failed: futures.Future[None] = futures.Future()
             failed.set_exception(error)
             self._asked.put(failed.result)
 
     def _look(self) -> bool:
-        """Look at what runs, begin what can; return whether the plan is over."""
+        """Look at running steps, begin new ones; return whether the plan is over."""
         if self._running and self._end is None:
             self._look_at_running()
         if self._end is None and self.replan is not None:
@@ -314,14 +314,14 @@ class Executive:
         return self._end is not None or not (self._left or self._running)
 
     def _look_ahead(self, options: PlanOptions) -> None:
-        """Look whether what is left still works; if not, go on with another plan once none runs."""
+        """Check that the rest still works; if not, continue with another plan once none runs."""
         old = self._plan()
         self._why = self._why or self._remaining.look(self.state, old)[0]
         if self._why is None or self._running:
             return
         with limited() as self._planning:
             if self._is_given_up:
-                # Just before it could be cancelled.
+                # `give_up` came just before it could cancel this.
                 self._planning.cancel()
             made = take_over(self.state, old, self._why, options)
         self._replaced.append(f"plan {old.id} broke: {self._why}")
@@ -330,8 +330,8 @@ class Executive:
         self._begun = time.monotonic()
 
     def _look_at_running(self) -> bool:
-        """Look at what runs; return whether that ends the plan."""
-        # As they are called now: a name may have been erased meanwhile.
+        """Check the running steps; return whether that ends the plan."""
+        # With their present names: a name may have been erased meanwhile.
         running = {key_of(step): step for step in running_executions(self._store)}
         for key in self._running.keys() - running.keys():
             now = read_execution(self._store, key)
@@ -339,7 +339,7 @@ class Executive:
                 self._stop(now)
                 return True
         steps = [running[key] for key in self._running if key in running]
-        # At each revision: what broke may hold again by now.
+        # At each revision: a broken condition may hold again by now.
         for at in self._unseen():
             self._seen = at
             begun = [one for one in steps if one.revision is None or one.revision <= at]
@@ -364,7 +364,7 @@ class Executive:
         return self._store.query_in_snapshot(read)
 
     def _begins(self) -> bool:
-        """Begin the next step if it can begin; else say how long to wait."""
+        """Begin the next step if it can begin; otherwise set how long to wait."""
         self._pause = None
         if self._why is not None or not self._left:
             return False
@@ -404,14 +404,14 @@ class Executive:
         return True
 
     def _broken(self, step: Execution, error: KantSqlError) -> tuple[BrokenInvariant, ...]:
-        """Find out what refuses a step, and who broke what it needs."""
+        """Find out why a step is refused, and who broke its conditions."""
         if not isinstance(error, NotApplicableError):
             failed = FailedCondition("the step", str(error))
             if isinstance(error, RuleViolatedError):
                 why = f"rule {error.rule!r} refuses the effects"
                 failed = FailedCondition(error.instance, why)
             return (BrokenInvariant(step, failed, None),)
-        # That the step itself runs is no condition.
+        # A step that is already running is not a broken condition.
         since = (
             None if each.condition == str(step) else broken_since(self._store, step, each)
             for each in error.unsatisfied
@@ -419,7 +419,7 @@ class Executive:
         return tuple(map(partial(BrokenInvariant, step), error.unsatisfied, since))
 
     def _perform(self, step: Execution) -> None:
-        """Do a step, and have recorded what came of it."""
+        """Dispatch a step, and send its outcome to the main thread."""
         try:
             said = _Said("failed", text="dispatch returned False")
             made = self.dispatch(step)
@@ -451,7 +451,7 @@ class Executive:
             except (NotApplicableError, RuleViolatedError, InvalidKnowledgeError) as error:
                 self._fail(step, self._broken(step, error))
                 return
-            except PlanError as error:  # Somebody else has ended it just now.
+            except PlanError as error:  # Somebody else has just ended it.
                 if read_execution(self._store, key).outcome != SUCCEEDED:
                     self._stop(step, said=_failure(error))
                     return
@@ -470,7 +470,7 @@ class Executive:
         broken: tuple[BrokenInvariant, ...] = (),
         said: _Said | None = None,
     ) -> None:
-        """End the plan with a step, and abort the others that run, in one revision."""
+        """End the plan with a step, and abort the other running ones, in one revision."""
         if self._end is not None:
             return
         why = "the plan was cancelled" if by is None else f"{by} did not succeed"
@@ -494,7 +494,7 @@ class Executive:
         return report(self.state, now, outcome=outcome, code=code, text=text)
 
     def _call_off(self) -> None:
-        """Have the calls of `dispatch` stopped that go on."""
+        """Call `cancel` for the calls of `dispatch` that still run."""
         for step in [*self._dispatched.values()]:
             if self.cancel is not None:
                 try:
@@ -504,7 +504,7 @@ class Executive:
 
 
 def _steps_left(plan: RecordedPlan) -> list[Execution]:
-    """Return the steps that are to be done, in the order of their times."""
+    """Return the steps to execute, in the order of their times."""
     left = [step for step in plan.steps if step.outcome != SUCCEEDED]
     for step in left:
         if step.outcome is not None:
@@ -516,7 +516,7 @@ def _steps_left(plan: RecordedPlan) -> list[Execution]:
 
 
 def _is_before(one: Execution, other: Execution) -> bool:
-    """Return whether a plan has a step end before another begins."""
+    """Return whether a step ends before another begins, by the plan."""
     if one.start is None or other.start is None:
         return True
     return one.start + (one.duration or 0) <= other.start

@@ -33,13 +33,13 @@ from .failures import FAILED, MAX_INSTANCES, Explaining, FailedCondition, conjun
 from .steps import EffectItem, of_time, preferred
 from .sweep import names_of, with_objects
 
-# Numbers of variables that no condition has.
+# The numbers of new variables begin here: no condition has such a number.
 _FAR = 2_000_000
 _NOTHING = r.Needed([], [])
 
 
 class Changed:
-    """What ground effects change in a state, so that conditions are judged as they hold after."""
+    """Ground effects on a state, to judge conditions after them."""
 
     def __init__(
         self,
@@ -48,10 +48,10 @@ class Changed:
         said: str,
         loosened: set[Head] | None = None,
     ) -> None:
-        self.said = said  # when conditions are judged, as in `right after the start`
+        self.said = said  # when conditions are judged, such as `right after the start`
         self._after = After(definitions, items, count(_FAR), is_whole=True)
         self.rules = self._after.rules()
-        self._loosened = loosened  # the functions whose strict comparisons count as others
+        self._loosened = loosened  # the functions whose strict comparisons count as non-strict
         self.values = {
             r.NumberOf(item.head, item.terms): item.value
             for item in items
@@ -59,7 +59,7 @@ class Changed:
         }
 
     def part(self, part: r.Part) -> r.Part:
-        """Return what holds before iff a part holds after."""
+        """Return the condition before iff a part holds after."""
         if self._loosened is not None:
             part = weakened(part, self._loosened)
         return self._after.part(part)
@@ -158,7 +158,7 @@ class Explainer(Explaining):
     def _with_history(
         self, nodes: Sequence[f.Formula], found: list[FailedCondition]
     ) -> list[FailedCondition]:
-        """Add which revision retracted each fact that held before."""
+        """Add the revision that retracted each fact that held before."""
         atoms = (self._resolve(one) if isinstance(one, f.Atom) else r.FALSE for one in nodes)
         ends: dict[int, int] = {}
         for predicate, keys in self._grouped(atoms)[0].items():
@@ -174,7 +174,7 @@ class Explainer(Explaining):
 
 
 def number_of(view: View, node: f.Expression, numbers: Mapping[str, Decimal]) -> Decimal | None:
-    """Evaluate a closed expression as it is written; None where a fluent has no value."""
+    """Evaluate a closed expression with its own arithmetic; None if a fluent has no value."""
     found = exact_number(view, node, numbers)
     return None if found is None else decimal_of(found)
 
@@ -185,7 +185,7 @@ def exact_number(
     numbers: Mapping[str, Decimal],
     changed: Mapping[r.NumberOf, Decimal] | None = None,
 ) -> Exact | None:
-    """Evaluate a closed expression exactly, some fluents changed; None where one has no value."""
+    """Evaluate a closed expression exactly, with changed fluents; None if one has no value."""
     resolver = r.Resolver(view.definitions)
     quantity, needed = resolver.number(node)
     leaves = [each for each in r.parts_of(quantity) if isinstance(each, r.NumberOf)]
@@ -196,7 +196,7 @@ def exact_number(
 def read_numbers(
     view: View, leaves: Sequence[r.NumberOf], needed: r.Needed = _NOTHING
 ) -> Mapping[r.NumberOf, Decimal] | None:
-    """Read the numbers of fluents that have a value; None where an object in them has none."""
+    """Read the numbers of fluents that have a value; None if an object in them has none."""
     if not leaves and not needed.bound:
         return {}
     statement = question(view).effects(r.all_of(needed.needed), needed.bound, leaves, {})
@@ -220,7 +220,7 @@ def decimals(
 def exact(
     quantity: r.Quantity, values: Mapping[r.NumberOf, Decimal], numbers: Mapping[str, Decimal]
 ) -> Exact | None:
-    """Calculate a number exactly; None without a value, and for a division by zero."""
+    """Calculate a number exactly; None without a value, or for a division by zero."""
     if isinstance(quantity, Decimal):
         return quantity
     if isinstance(quantity, r.NumberOf):
@@ -273,9 +273,9 @@ def unsatisfied(
 
 
 def is_goal_reached(state: State) -> bool:
-    """Return whether all goals hold; preferences do not count, and without goals they do.
+    """Return whether all goals hold; preferences do not count. True without goals.
 
-    One statement asks for all of them; `unsatisfied` says which do not hold.
+    It takes one statement for all of them; `unsatisfied` returns those that do not hold.
 
     Raises:
         ArchivedError: a part of the state was moved to an archive.
@@ -299,14 +299,14 @@ def _truths(view: View, parts: list[r.Part]) -> list[bool]:
 
 
 class GoalStanding(NamedTuple):
-    """A goal, as PDDL, and whether it is reached."""
+    """A goal, as PDDL, and whether it holds."""
 
     text: str
     is_reached: bool
 
 
 def read_goal_standings(state: State, most: int) -> list[GoalStanding]:
-    """Read the first goals, conjunctions taken apart, and which are reached, in two statements."""
+    """Read the first goals, as conjuncts, and whether each holds, in two statements."""
 
     def work(view: View) -> list[GoalStanding]:
         resolver = r.Resolver(view.definitions)
@@ -318,7 +318,7 @@ def read_goal_standings(state: State, most: int) -> list[GoalStanding]:
 
 
 def _closed(view: View, condition: str | Node, bindings: Mapping[str, Binding]) -> f.Formula:
-    """Read a condition, with objects for its variables; others are quantified existentially."""
+    """Read a condition, with objects for its variables; quantify the others existentially."""
     symbols = symbols_of(view.definitions)
     read = read_condition(text_of(condition), symbols=symbols)
     if bindings:

@@ -1,4 +1,4 @@
-"""What of a condition does not hold, part by part."""
+"""The parts of a condition that do not hold."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from .arithmetic import Exact, decimal_of
 from .evaluate import Compiler, Conditions
 from .world import World
 
-# What notebooks call one of a list.
+# The caption of one item in notebooks.
 FAILED = "failed condition"
-# Parts of one universal quantifier that are named.
+# The maximum number of named parts of one universal quantifier.
 MAX_INSTANCES = 20
-# How many parts are judged together.
+# The number of parts to judge together.
 TOGETHER = 200
-# How far a duration may be from what its constraints allow, as in VAL.
+# How far a duration may deviate from its constraints, as in VAL.
 TOLERANCE = Decimal("0.01")
 # A comparison of a duration with its limit -> whether their difference satisfies it.
 _ALLOWS: dict[str, Callable[[Decimal], bool]] = {
@@ -83,13 +83,13 @@ def duration_failure(
 
 
 class Explaining(ABC):
-    """Finds the parts of closed formulas that do not hold; `said` is when they are judged."""
+    """Finds the parts of closed formulas that do not hold; `said` is the time of judging."""
 
     said = ""
 
     @abstractmethod
     def false(self, nodes: Sequence[f.Formula]) -> list[f.Formula]:
-        """Return those that do not hold, in order."""
+        """Return the formulas that do not hold, in order."""
 
     @abstractmethod
     def counterexamples(self, node: f.Forall) -> Sequence[Sequence[str]]:
@@ -100,7 +100,7 @@ class Explaining(ABC):
         """Return the value of an expression; None without one."""
 
     def failed_nodes(self, formulas: Iterable[f.Formula]) -> list[f.Formula]:
-        """Return the parts that do not hold; quantifiers are taken apart into counterexamples."""
+        """Return the parts that do not hold; replace quantifiers by counterexamples."""
         found: list[f.Formula] = []
         pending = [part for formula in formulas for part in conjuncts(formula)]
         for start in range(0, len(pending), TOGETHER):
@@ -113,7 +113,7 @@ class Explaining(ABC):
         return found
 
     def failure(self, node: f.Formula) -> FailedCondition:
-        """Say why a part does not hold."""
+        """Describe why a part does not hold."""
         comparison = node.formula if isinstance(node, f.Not) else node
         if isinstance(comparison, f.Comparison):
             left, right = (self.exact(each) for each in (comparison.left, comparison.right))
@@ -124,7 +124,7 @@ class Explaining(ABC):
 
 
 def conjuncts(formula: f.Formula) -> list[f.Formula]:
-    """Return the parts of a conjunction, with negations brought to where they stand in it."""
+    """Return the parts of a conjunction, with negations pushed inwards."""
     found: list[f.Formula] = []
     stack: list[tuple[f.Formula, bool]] = [(formula, False)]
     while stack:
@@ -146,7 +146,7 @@ def conjuncts(formula: f.Formula) -> list[f.Formula]:
 
 
 class _InMemory(Explaining):
-    """Explains in a world."""
+    """Explains conditions in a world."""
 
     def __init__(self, world: World, duration: Decimal | None) -> None:
         self._world = world

@@ -1,4 +1,4 @@
-"""`kb.rules`: rules that are kept in the store, which report what violates them, or refuse it."""
+"""`kb.rules`: rules that the store keeps, which report or refuse violations."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ EXAMPLE = "(forall (?r - robot) (at-most-one (?p - place) (at ?r ?p)))"
 
 @dataclass(frozen=True)
 class KeptRule(html.OneRow):
-    """A rule that is kept in the store.
+    """A rule that the store keeps.
 
     Attributes:
         name: its name.
@@ -51,7 +51,7 @@ class KeptRule(html.OneRow):
 
 
 def kept(definitions: Definitions, rule: RuleDefinition) -> KeptRule:
-    """Read a rule of some definitions."""
+    """Convert the definition of a rule."""
     text = str(TreeReader(definitions, rule.constraint).formula())
     return KeptRule(rule.name, text, "refuse" if rule.on_violation == REFUSE else "report")
 
@@ -63,7 +63,7 @@ def get(state: State, name: str) -> KeptRule | None:
         name: its name, in any case.
 
     Returns:
-        The rule; None when there is none of that name.
+        The rule; None if there is none of that name.
 
     Examples:
         >>> _ = kb.rules.save("one place", "(always (robot_at rb1 wp1))")
@@ -81,7 +81,7 @@ def get(state: State, name: str) -> KeptRule | None:
 
 
 def get_all(state: State) -> list[KeptRule]:
-    """Read all rules that are kept.
+    """Read all kept rules.
 
     Returns:
         The rules, in the order in which they were first saved.
@@ -99,7 +99,7 @@ def get_all(state: State) -> list[KeptRule]:
 
 
 def read_saved(state: State) -> list[tuple[KeptRule, Revision]]:
-    """Read all rules that are kept, each with the revision that saved it as it is."""
+    """Read all kept rules, each with the revision that last saved it."""
 
     def read(view: View) -> list[tuple[KeptRule, Revision]]:
         if view.kb_id is None:
@@ -122,19 +122,19 @@ def save(
     Args:
         name: a name, without spaces.
         rule: a constraint on trajectories, or a count: PDDL text such as
-            `(forall (?r - robot) (at-most-one (?p - place) (at ?r ?p)))`, or a node. What it names
+            `(forall (?r - robot) (at-most-one (?p - place) (at ?r ?p)))`, or a node. Its names
             must be known.
-        on_violation: `report` to have it judged by `kb.pddl.check_rules` and `kb.watch_rules`;
-            `refuse` to make each transaction fail that would violate it, this one included. Only
-            what a single state can violate refuses: `always`, `at-most-one` and `exactly-one`, in
-            conjunctions and universal quantifiers.
+        on_violation: `report`, so `kb.pddl.check_rules` and `kb.watch_rules` judge it; or
+            `refuse`, so each transaction that would violate it fails, including this one. Only
+            rules that a single state can violate refuse: `always`, `at-most-one` and
+            `exactly-one`, in conjunctions and universal quantifiers.
 
     Returns:
-        True; a rule that cannot be kept raises.
+        True; a rule that the store cannot keep raises.
 
     Raises:
         PddlError: the text is not a rule, or it names an unknown element.
-        InvalidNameError: this cannot be its name.
+        InvalidNameError: this is not a valid name.
         UnsupportedConstructError: PDDL 3.0 gives it no meaning, or it cannot refuse.
         RuleViolatedError: the present state violates a rule that refuses.
 
@@ -162,7 +162,7 @@ def save(
         id_, spelling = identify(transaction, "rule", name)
         tree = tree_writer(transaction).tree(found[0])
         made = RuleDefinition(id_, spelling, on_violation, tree)
-        # Both refuse what they cannot judge, whatever objects there are.
+        # Both raise for rules that they cannot judge, whatever the objects are.
         [*rules_of(found[0], lambda _: ("?",))]
         if on_violation == REFUSE:
             [*forbidden_by(transaction.definitions, made, found[0])]
@@ -173,13 +173,13 @@ def save(
 
 
 def delete(state: State, name: str) -> bool:
-    """Delete a rule; its past stays.
+    """Delete a rule; its history stays.
 
     Args:
         name: its name, in any case.
 
     Returns:
-        False when there is none.
+        False if there is none.
 
     Examples:
         >>> kb.rules.delete("home")

@@ -1,8 +1,8 @@
 """Why a step is in a plan: what supports the conditions of steps, and the goal.
 
-A causal link says that one step, or the state before the plan, makes true what another step needs
-(McAllester and Rosenblitt, Systematic Nonlinear Planning, 1991). A step supports what it changes:
-to assert a fact that holds already supports nothing.
+A causal link says that one step, or the state before the plan, makes a literal true that another
+step needs (McAllester and Rosenblitt, Systematic Nonlinear Planning, 1991). A step supports what it
+changes: asserting a fact that already holds supports nothing.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ class CausalLink:
     """The support of a literal in a step's condition, or in the goal.
 
     Attributes:
-        supporter: the index in the plan of the step that made it so; None for the state before the
-            plan, or a timed initial literal.
-        literal: the fact or its negation as PDDL text; a fluent for its value, negated for none.
+        supporter: the index in the plan of the step that made it true; None for the state before
+            the plan, or a timed initial literal.
+        literal: the fact or its negation as PDDL text; a fluent that has a value, negated if none.
         position: the index of the step that needs it; None for the goal.
     """
 
@@ -51,13 +51,13 @@ class CausalLink:
 
 
 class _Linking(PlanExecution):
-    """Executes a plan, and notes what supports what is needed."""
+    """Executes a plan, and records which step supports each needed literal."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.links: dict[CausalLink, None] = {}
         self._uses = Uses(self.world)
-        # The step that changed a fact (True) or a fluent last.
+        # The step that last changed a fact (True) or a fluent.
         self._by: dict[tuple[bool, int, Row], int | None] = {}
 
     @override
@@ -89,7 +89,7 @@ class _Linking(PlanExecution):
         super()._pass(time)
 
     def need_goal(self) -> None:
-        """Note what supports the goal."""
+        """Record the support of the goal."""
         resolver = Resolver(self.world.definitions)
         for goal in self.problem.goal:
             self._link(self._uses.of(resolver.part(goal)), None)
@@ -104,7 +104,7 @@ class _Linking(PlanExecution):
         world, rules = self.world, rules_of(self.world.definitions)
         for is_fact, owner, row, holds in used:
             if is_fact and rules.of(owner) and not self._now(is_fact, owner, row):
-                # What it follows from is used, too.
+                # The facts that it follows from are used, too.
                 continue
             text = world.text((is_fact, owner), row)
             literal = text if holds else f"(not {text})"
@@ -115,17 +115,17 @@ class _Linking(PlanExecution):
 def causal_links(state: State, plan: GivenPlan, *, at: When | None = None) -> list[CausalLink]:
     """Find why steps are in a plan: which step, or fact, supports which condition.
 
-    The plan is executed in memory, as `KnowledgeBase.validate` does. Each literal that a satisfied
-    condition uses, negative, quantified and through derived predicates too, is linked to the step
-    that changed it last. A step that supports neither the goal nor another step is not needed.
+    The plan is executed in memory, as by `KnowledgeBase.validate`. Each literal that a satisfied
+    condition uses, also negative, quantified or through derived predicates, is linked to the step
+    that last changed it. A step that supports neither the goal nor another step is not needed.
 
     Args:
-        plan: a plan that can be executed, given as for `KnowledgeBase.validate`.
-        at: the state that it is executed from, given as for `kb.at`; by default that which a
-            recorded plan was made from, and the present for another one.
+        plan: an executable plan, given as for `KnowledgeBase.validate`.
+        at: its initial state, given as for `kb.at`; by default the state that a recorded plan was
+            made from, and the present for another plan.
 
     Returns:
-        The links, in the order in which steps need them, and those of the goal last.
+        The links, in the order in which steps need them; those of the goal come last.
 
     Raises:
         PlanError: a step cannot be executed; the error says why.

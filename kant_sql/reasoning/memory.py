@@ -1,4 +1,4 @@
-"""A state in memory: asked, acted on and compared without a store below, and committed to one."""
+"""States in memory: you query, change and compare them without the store, and commit one."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from .world import FluentRow, Row, Value
 
 
 class _First(NamedTuple):
-    """The state of a store that a state in memory began as, and what no step changes."""
+    """The state of the store that a state in memory began as; no step changes these parts."""
 
     task: GroundedTask
     origin: Origin  # without its facts and values
@@ -46,12 +46,12 @@ class _First(NamedTuple):
 
 
 class KnowledgeState:
-    """Facts and values in memory, with the definitions and goals that give them a meaning.
+    """Facts and values in memory, with the definitions and goals that give them meaning.
 
-    `kb.state()` makes the first one, and `apply` makes others from it. A state never changes, and
-    needs no store: threads share it, dictionaries and sets take it. Two states are equal when the
-    same is defined, is a goal, holds and has values. It answers as the knowledge base in this state
-    does, with the same classes of errors.
+    `kb.state()` makes the first one, and `apply` makes others from it. A state never changes and
+    needs no store: you can share it between threads, and use it in sets and as a key. Two states
+    are equal if they have the same definitions, goals, facts and values. A state answers like the
+    knowledge base in this state, with the same classes of errors.
     """
 
     __slots__ = ("__weakref__", "_bits", "_first", "_near", "_task", "_values")
@@ -64,11 +64,11 @@ class KnowledgeState:
 
     @property
     def revision(self) -> int:
-        """The revision of the store that the first of these states was read from."""
+        """The revision of the store that these states began with."""
         return self._first.origin.revision
 
     def holds(self, condition: str | Node, /, **bindings: Binding) -> bool:
-        """Return whether a condition holds; takes and raises what `KnowledgeBase.holds` does."""
+        """Return whether a condition holds; same arguments and errors as `KnowledgeBase.holds`."""
         return bool(self._ask(condition, None, bindings)[1])
 
     def query(
@@ -82,7 +82,7 @@ class KnowledgeState:
     ) -> Answers:
         """Find the objects for which a condition holds.
 
-        Takes and raises what `KnowledgeBase.query` does; the answers have no SQL.
+        Same arguments and errors as `KnowledgeBase.query`; the answers have no SQL.
         """
         most = None if limit is None else count_limit(limit)
         prepared, rows = self._ask(condition, parameters, bindings)
@@ -93,7 +93,7 @@ class KnowledgeState:
     def _ask(
         self, condition: str | Node, parameters: str | None, bindings: Mapping[str, Binding]
     ) -> tuple[Prepared, set[Row]]:
-        """Return a question and its answers; it is compiled once for all states of a task."""
+        """Return a question and its answers; compile it once for all states of a task."""
         task = self._task
         prepared = prepare(task.definitions, condition, parameters, bindings)
         given = [*prepared.values(task.definitions, bindings).values()]
@@ -107,20 +107,20 @@ class KnowledgeState:
             return prepared, rows(compiler.env(given))
 
     def goal_reached(self) -> bool:
-        """Return whether all goals hold; preferences do not count, and without goals they do.
+        """Return whether all goals hold; preferences do not count.
 
         Returns:
-            Whether they hold.
+            True if they hold, or if there are no goals.
         """
         return self._task.is_goal((self._bits, self._values))
 
     def applicable_actions(self) -> list[PlanStep]:
-        """Find the steps that can be executed, as `KnowledgeBase.applicable_actions`.
+        """Find the executable steps, as `KnowledgeBase.applicable_actions`.
 
         Returns:
-            The steps, ordered by action and as the objects were declared. Durative ones have the
-            shortest duration that their constraints admit, so those are listed, too, whose duration
-            has to be chosen; `durations` says which others there are.
+            The steps, ordered by action and by the declarations of their objects. Durative steps
+            have the shortest duration that their constraints allow, so the list includes steps
+            whose duration you must choose; `durations` returns the other durations.
         """
         task, bits, values, near = self._task, self._bits, self._values, self._near
         if near is None or near[1] != bits:
@@ -137,7 +137,7 @@ class KnowledgeState:
         return [step for _, step in sorted([*plain, *timed], key=itemgetter(0))]
 
     def durations(self, step: Step) -> Durations | None:
-        """Return the durations that the constraints of a durative step admit at its start.
+        """Return the durations that the constraints of a durative step allow at its start.
 
         Args:
             step: as for `apply`.
@@ -147,8 +147,8 @@ class KnowledgeState:
             step.
 
         Raises:
-            NotApplicableError: none is admissible, a number that limits it has no value, or an
-                object does not fit.
+            NotApplicableError: there is none, a number that limits it has no value, or an object
+                does not fit.
             PddlError, InvalidKnowledgeError: the step names an unknown element.
         """
         task = self._task
@@ -158,11 +158,11 @@ class KnowledgeState:
             return run.durations(at) if given.action.is_durative else None
 
     def apply(self, step: Step) -> KnowledgeState:
-        """Return the state after a step, as `KnowledgeBase.apply` writes it.
+        """Return the state after a step, as `KnowledgeBase.apply` would write it.
 
         Args:
-            step: as for `KnowledgeBase.apply`, which raises the same errors; fastest as
-                `applicable_actions` returned it.
+            step: as for `KnowledgeBase.apply`, which raises the same errors; fastest if it comes
+                from `applicable_actions`.
 
         Returns:
             The new state.
@@ -174,7 +174,7 @@ class KnowledgeState:
         task, bits, first = self._task, self._bits, self._first
         given, found = None, task.listed.get(id(step))
         if found is not None and found.is_plain and bits & found.care == found.want:
-            # What `Operator.after` says; a call of it takes a third of the time of all this.
+            # As `Operator.after`, inline: the call would take a third of the whole time.
             now = bits & found.keep | found.adds
             return KnowledgeState(task, first, now, self._values, self._near)
         if found is None:
@@ -192,11 +192,11 @@ class KnowledgeState:
         """Compare with another state, as `KnowledgeBase.diff`.
 
         Args:
-            other: the state before; by default the one that was read from the store.
+            other: the state before; by default the one from the store.
 
         Returns:
-            What would turn the other state into this one: `+` for what holds here only, `-` for
-            what holds there only; facts and values, sorted.
+            The changes from the other state to this one: `+` for facts and values only in this
+            one, `-` for those only in the other; sorted.
         """
         first = self._first
         if other is None:
@@ -205,7 +205,7 @@ class KnowledgeState:
         return diff_lines([*other._lines(self)], [*self._lines(other)])
 
     def _lines(self, other: KnowledgeState) -> Iterator[tuple[str, str]]:
-        """Yield kind and text of what holds here, without some that holds in the other state."""
+        """Yield kind and text of the facts and values here, without some that the other has."""
         task = self._task
         values, theirs = task.values_of(self._values), task.values_of(other._values)
         facts: Iterable[FluentRow] = task.facts_of(self._bits & ~other._bits)
@@ -243,7 +243,7 @@ class KnowledgeState:
         return f"<{type(self).__name__} of {where}, {values} values>"
 
     def _changes(self) -> StepChanges:
-        """Return what differs from the state that was read, as effects."""
+        """Return the differences from the original state, as effects."""
         task, first, changes = self._task, self._first, StepChanges()
         for head, row in task.facts_of(first.bits & ~self._bits):
             changes.deletes[AtomKey(False, head, _arguments(row))] = None
@@ -271,7 +271,7 @@ def _no_sql() -> str:
 def state(state: State) -> KnowledgeState:
     """Read this state into memory, for search, simulation and tests of executives.
 
-    It takes a few statements, and no later question to it takes another.
+    It takes a few statements; later questions to the state take none.
 
     Returns:
         The state, which never changes.
@@ -330,20 +330,20 @@ def commit(
 ) -> int | None:
     """Write a state in memory as one revision, if nothing else happened meanwhile.
 
-    Only what differs is written, under the lock of the head.
+    It writes only the differences, under the lock of the head.
 
     Args:
-        new: a state that `kb.state()` returned, or that `apply` made of one.
+        new: a state from `kb.state()`, or from `apply` on one.
         reason: the revision's reason.
         actor: who writes; by default the knowledge base's actor.
 
     Returns:
-        The new revision; None when nothing differs.
+        The new revision; None if nothing differs.
 
     Raises:
-        StaleRevisionError: the knowledge base has another revision than the state was read from;
+        StaleRevisionError: the knowledge base has another revision than the original state;
             the error says who wrote it.
-        InvalidArgumentError: the state is of another knowledge base, or of the past.
+        InvalidArgumentError: the state belongs to another knowledge base, or to the past.
         ReadOnlyError: a transaction is open, or this is a view of the past.
     """
     store = state.store

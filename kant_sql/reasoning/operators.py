@@ -1,13 +1,13 @@
 """The instantaneous steps of a state in memory, each grounded when it first comes into reach.
 
-A task is what no step changes: the definitions, the goals, and the facts and values that no action
-has an effect on. Any other fact is a bit, so a state is an integer and some values.
+A task has the parts that no step changes: the definitions, the goals, and the facts and values that
+no action has an effect on. Any other fact is a bit, so a state is an integer and some values.
 
-Of the condition that `promise` gives an action, fixed parts are judged when a step is grounded,
-literals by bits, comparisons by values, quantifiers and `or` by either, and what is left, such as
-derived predicates, by the closures of `evaluate`, after the task's world has moved to the state. A
-fact that changes brings the steps into reach that a search with this fact as its delta finds, once
-for all states.
+Of the condition that `promise` makes for an action, fixed parts are judged when a step is grounded,
+literals by bits, comparisons by values, quantifiers and `or` by either; other parts, such as
+derived predicates, by the closures of `evaluate`, after the task's world has moved to the state.
+A changed fact brings steps into reach: a search with this fact as its delta finds them, once for
+all states.
 """
 
 from __future__ import annotations
@@ -40,29 +40,29 @@ from .promise import promise_of
 from .steps import EffectItem, PreparedAction, executable, prepared
 from .world import FluentRow, Relation, Row, Value
 
-# The values of fluents by their numbers; None or no place without a value.
+# The values of fluents by their numbers; None, or no item, without a value.
 Values = Sequence[Value | None]
-# What steps change of a state: the facts that hold, as bits, and the values.
+# The parts of a state that steps change: the facts that hold, as bits, and the values.
 At = tuple[int, Values]
 Judge = Callable[[int, Values], bool]
-# A number in a state; what has no value is None, or raises IndexError.
+# A number in a state; without a value, it is None or raises IndexError.
 NumberIn = Callable[[Values], Exact | None]
 Assignments = dict[int, tuple[str, list[tuple[str, Exact | int]]]]
 # The steps whose literals hold, in order, and the bits of their state.
 Near = tuple[list["Operator"], int]
-# A state, and the steps that were found applicable in it.
+# A state, and its applicable steps.
 Tested = tuple[int, Values, frozenset["Operator"]]
 _ORDER = attrgetter("order")
-# No state has these bits.
+# No state has all these bits.
 _NEVER = -1
-# Where so many steps or more contain one fact, the world finds those in reach faster.
+# If at least this many steps contain one fact, the world finds those in reach faster.
 MOST_OF_FACT = 150
-# Beyond so many cases of a quantifier, the world is faster.
+# For more cases of a quantifier than this, the world is faster.
 MOST_CHOICES = 50
 
 
 class _Needs(NamedTuple):
-    """A grounded condition: the bits that matter, those of them that are set, and another test."""
+    """A grounded condition: the bits that matter, their required values, and another test."""
 
     care: int
     want: int
@@ -74,7 +74,7 @@ class _Needs(NamedTuple):
 
 
 def _every(tests: Sequence[Judge]) -> Judge | None:
-    """Return one test instead of several."""
+    """Combine several tests into one that requires all."""
     if len(tests) < 2:
         return tests[0] if tests else None
 
@@ -88,7 +88,7 @@ def _every(tests: Sequence[Judge]) -> Judge | None:
 
 
 def _some(single: int, others: Sequence[_Needs]) -> Judge:
-    """Return whether one of some bits is set, or another condition holds."""
+    """Return a test that one of some bits is set, or another condition holds."""
 
     def some(bits: int, values: Values) -> bool:
         if bits & single:
@@ -102,12 +102,12 @@ def _some(single: int, others: Sequence[_Needs]) -> Judge:
 
 
 def _is_value(part: r.Part) -> bool:
-    """Return whether a comparison says that a number has a value, and no more."""
+    """Return whether a comparison only requires that a number has a value."""
     return isinstance(part, r.Compares) and part == r.Compares("=", part.left, part.left)
 
 
 def _conjuncts(part: r.Part) -> Iterator[r.Part]:
-    """Yield the parts of a conjunction; of what has a value, the fluents that none compares."""
+    """Yield the parts of a conjunction; drop tests for values that a comparison implies."""
     parts = part.parts if isinstance(part, r.AllOf) else (part,)
     compared = [each for each in parts if isinstance(each, r.Compares)]
     said = {one for each in compared if not _is_value(each) for one in r.parts_of(each)}
@@ -122,12 +122,12 @@ def _conjuncts(part: r.Part) -> Iterator[r.Part]:
 
 
 class _Conjunction:
-    """A conjunction, taken apart by how its parts are judged."""
+    """A conjunction, divided by how its parts are judged."""
 
     def __init__(self, task: GroundedTask, compiler: Compiler, part: r.Part) -> None:
         self._task, fixed = task, list[r.Part]()
-        self.is_left = False  # whether parts of it are judged in the world
-        self.literals: list[r.Part] = []  # the facts that are bits, and the negations of such
+        self.is_left = False  # whether the world judges some of its parts
+        self.literals: list[r.Part] = []  # the facts that are bits, and negations of such facts
         self._bits: list[tuple[bool, int, Callable[[Env], Row]]] = []
         self._tests: list[tuple[bool, Callable[[Env], Judge]]] = []
         for each in _conjuncts(part):
@@ -142,11 +142,11 @@ class _Conjunction:
                 ground = _grounder(task, compiler, inner)
                 self.is_left |= ground is None
                 self._tests.append((inner is each, ground or _in_world(task, compiler, inner)))
-        self.fixed = r.all_of(fixed)  # what no step changes
+        self.fixed = r.all_of(fixed)  # the parts that no step changes
         self._is_possible = compiler.test(self.fixed)
 
     def ground(self, env: Env) -> _Needs:
-        """Judge what is fixed, and ground the rest."""
+        """Judge the fixed parts, and ground the rest."""
         if not self._is_possible(env):
             return _Needs(0, _NEVER)
         want = against = 0
@@ -159,7 +159,7 @@ class _Conjunction:
 
 
 def _in_world(task: GroundedTask, compiler: Compiler, part: r.Part) -> Callable[[Env], Judge]:
-    """Compile what grounds a test in the world of a task."""
+    """Compile a function that grounds a test in the world of a task."""
     test = compiler.test(part)
 
     def ground(env: Env) -> Judge:
@@ -178,7 +178,7 @@ def _in_world(task: GroundedTask, compiler: Compiler, part: r.Part) -> Callable[
 def _grounder(
     task: GroundedTask, compiler: Compiler, part: r.Part
 ) -> Callable[[Env], Judge] | None:
-    """Compile what grounds a test of bits and values; None if the world has to judge it."""
+    """Compile a function that grounds a test of bits and values; None if the world must judge."""
     if isinstance(part, r.Compares):
         left, right = (_number(task, compiler, side) for side in (part.left, part.right))
         if _is_value(part):
@@ -190,7 +190,7 @@ def _grounder(
 
 
 def _choice(task: GroundedTask, compiler: Compiler, part: r.Part) -> Callable[[Env], Judge] | None:
-    """Compile what grounds a disjunction or a quantifier, as `_grounder`."""
+    """Compile the grounding of a disjunction or a quantifier, as `_grounder`."""
     ways, whole = _ways(task, compiler, (), part), _in_world(task, compiler, part)
     if any(each.is_left for _, each in ways):
         return None
@@ -214,7 +214,7 @@ def _choice(task: GroundedTask, compiler: Compiler, part: r.Part) -> Callable[[E
 def _ways(
     task: GroundedTask, compiler: Compiler, bound: Iterable[r.Bound], part: r.Part
 ) -> list[tuple[Search, _Conjunction]]:
-    """Take alternatives apart, each with the search for objects for which what is fixed holds."""
+    """Split into alternatives, each with the search for objects that satisfy its fixed parts."""
     found = []
     for variables, parts in alternatives(bound, part):
         condition = _Conjunction(task, compiler, r.all_of(parts))
@@ -248,7 +248,7 @@ def _compared(
 def _number(
     task: GroundedTask, compiler: Compiler, quantity: r.Quantity
 ) -> Callable[[Env], NumberIn]:
-    """Compile what grounds a number."""
+    """Compile a function that grounds a number."""
     if isinstance(quantity, r.NumberOf) and (False, quantity.function) in task.changing:
         pick, function = compiler.picker(quantity.terms), quantity.function
         return lambda env: itemgetter(task.fluent((function, pick(env))))
@@ -279,16 +279,16 @@ def _calculated(symbol: str, left: NumberIn, right: NumberIn) -> NumberIn:
     return number
 
 
-# An effect on facts: what it needs, the bits that it deletes, and those that it adds.
+# An effect on facts: its condition, the bits that it deletes, and those that it adds.
 _Branch = tuple[_Needs, int, int]
-# The effects on fluents, each with its text: the operators, with what gives their operands.
+# The effects on fluents, each with its text: the operators, with functions for their operands.
 _Updates = dict[int, tuple[str, list[tuple[str, NumberIn | int]]]]
-# The fluent, what calculates its number from that before or another one, and the second operand.
+# The fluent, the function for its new number, the fixed first operand, and the second operand.
 _Change = tuple[int, Callable[[Any, Any], Decimal], Decimal | None, NumberIn]
 
 
 class _Effect:
-    """An effect; `is_plain` if bits and values say where it takes place, and what it changes."""
+    """An effect; `is_plain` if bits and values decide where it takes place and what it changes."""
 
     def __init__(self, task: GroundedTask, compiler: Compiler, item: EffectItem) -> None:
         self._task, self._item = task, item
@@ -302,11 +302,11 @@ class _Effect:
         elif item.value is not None:
             self._value = _number(task, compiler, item.value)
         if self._value is not None:
-            # Facts are a set, but each change of a number counts; and it is of fixed fluents.
+            # Alternatives add a fact once, but each would change a number: allow one, fixed.
             self.is_plain &= [each.fixed for _, each in self._ways] == [item.condition]
 
     def ground(self, env: Env, branches: list[_Branch], updates: _Updates) -> None:
-        """Add what it changes for the objects of a step."""
+        """Add its changes for the objects of a step."""
         head, operator, task = self._item.head, self._item.operator, self._task
         for search, condition in self._ways:
             for _ in search(env):
@@ -320,7 +320,7 @@ class _Effect:
 
 
 def _quick(updates: _Updates) -> list[_Change]:
-    """Return what changes numbers of few digits; nothing if some change is of another kind."""
+    """Return the changes of numbers with few digits; none if some change is of another kind."""
     found: list[_Change] = []
     for fluent, (_, changes) in updates.items():
         [operator, by] = changes[0]
@@ -341,9 +341,9 @@ class Operator:
 
     def __init__(self, schema: _Schema, ids: Row) -> None:
         self.step = PlanStep(None, schema.action.name, schema.task.world.names(ids))
-        self.order = schema.place, *ids  # the place of its action, and its objects
+        self.order = schema.place, *ids  # the position of its action, and its objects
         env = schema.compiler.env(ids)
-        # The bits that matter to its condition, those of them that are set, and what else it needs.
+        # The bits that matter to its condition, their required values, and the rest of it.
         self.care, self.want, self.test = schema.condition.ground(env)
         branches: list[_Branch] = []
         self._updates: _Updates = {}
@@ -352,15 +352,15 @@ class Operator:
         self._quick = _quick(self._updates)
         self._branches = [each for each in branches if each[0] != _Needs(0, 0)]
         certain = [each for each in branches if each[0] == _Needs(0, 0)]
-        # The bits that it does not delete, and those that it adds.
+        # The bits that it keeps, and those that it adds.
         self.keep = ~reduce(or_, [deleted for _, deleted, _ in certain], 0)
         self.adds = reduce(or_, [added for _, _, added in certain], 0)
         self._is_grounded = schema.effects is not None
-        # Whether bits say all of its condition and of its effects.
+        # Whether bits decide all of its condition and effects.
         self.is_plain = self._is_grounded and not (self.test or self._branches or self._updates)
 
     def after(self, bits: int, values: Values, tested: Tested) -> At | None:
-        """Return what the step makes of a state; None if more has to be known, or it is refused."""
+        """Return the state after the step; None if more is needed to know, or it is refused."""
         if not (tested[1] is values and tested[0] == bits and self in tested[2]) and (
             bits & self.care != self.want or (self.test and not self.test(bits, values))
         ):
@@ -384,7 +384,7 @@ class Operator:
             for fluent, calculate, first, by in quick:
                 before = after[fluent]
                 found = calculate(before if first is None else first, by(values))
-                # Else the number stays as it is spelled, as it does in the store.
+                # Otherwise, the number keeps its spelling, as in the store.
                 if found != before:
                     after[fluent] = found
             if quick:
@@ -414,15 +414,15 @@ def changed_values(values: Values, made: Assignments) -> tuple[Values, list[Fail
             failed.append(found)
         elif found != before:
             if isinstance(found, Decimal) and abs(found.adjusted()) > ROUNDED_DIGITS:
-                # Refuses what the store could not write.
+                # Raises for a number that the store cannot write.
                 decimal_text(found)
-            # Else the number stays as it is spelled, as it does in the store.
+            # Otherwise, the number keeps its spelling, as in the store.
             after[fluent] = found
     return after, failed
 
 
 class _Schema:
-    """An instantaneous action, and what finds its steps; `effects` are None if one is not plain."""
+    """An instantaneous action with the searches for its steps; `effects` if all are plain."""
 
     def __init__(self, task: GroundedTask, place: int, action: PreparedAction) -> None:
         self.task, self.place, self.action = task, place, action
@@ -439,16 +439,16 @@ class _Schema:
             only = tuple([term.id for term in fact.terms if isinstance(term, r.Known)])
             relation, part, row = Relation(), r.all_of([fact, fixed]), None
             if len(only) == len(fact.terms):
-                # A search without a variable for the fact looks nothing up.
+                # Without a variable, there are no objects to look up.
                 part, row = fixed, only
             delta = (fact, relation) if row is None else None
             search = compiler.search(action.parameters, part, delta)
             self._searches.append((fact.predicate, row, relation, search))
-        # Finds the steps whose literals hold where the world is.
+        # Finds the steps whose literals hold in the present state of the world.
         self.all = compiler.search(action.parameters, r.all_of([*self.condition.literals, fixed]))
 
     def of_fact(self, predicate: int, row: Row) -> list[Operator]:
-        """Return the steps that a fact matters to, whether it holds or not."""
+        """Return the steps that depend on a fact, whether it holds or not."""
         found: list[Operator] = []
         for own, only, relation, search in self._searches:
             if own == predicate and only in (None, row) and self not in self.task.searched:
@@ -469,7 +469,7 @@ class _Schema:
 
 
 class GroundedTask:
-    """What no step changes, and what was found of steps; threads share it."""
+    """The parts that no step changes, and the steps found so far; threads share it."""
 
     def __init__(
         self,
@@ -489,14 +489,14 @@ class GroundedTask:
         for fluent, value in values.items():
             self.world.set(*fluent, value)
         self.lock = RLock()  # held while the world moves and is read
-        # The actions whose steps in reach the world finds for each state.
+        # The actions for which the world finds the steps in reach, for each state.
         self.searched: list[_Schema] = []
-        # The steps that were found, by the addresses of what they are listed as.
+        # The found steps, by the ids of their listed `PlanStep`s.
         self.listed: dict[int, Operator] = {}
-        self.is_tested = False  # whether bits do not say all of a step's condition
-        # The state that steps were last listed of, and those whose tests held.
+        self.is_tested = False  # whether some conditions of steps need more than bits
+        # The last state whose steps were listed, and the steps whose tests held.
         self.tested: Tested = 0, [], frozenset()
-        # What was compiled of questions.
+        # The compiled questions.
         self.asked: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
         self._facts: list[FluentRow] = []
         self._bits: dict[FluentRow, int] = {}
@@ -505,22 +505,22 @@ class GroundedTask:
         self._at: At = 0, []
         self._kept: dict[Any, Any] = {}
         self._operators: dict[tuple[str, Row], Operator] = {}
-        # The steps that a fact matters to, by its bit.
+        # The steps that depend on a fact, by its bit.
         self._of_bit: dict[int, list[Operator]] = {}
 
     def changes(self, part: r.Part) -> bool:
-        """Return whether a part depends on what steps change."""
+        """Return whether steps can change the truth of a part."""
         return not heads_of(self.rules, part).isdisjoint(self.changing)
 
     def kept(self, key: Any, make: Callable[[], Any]) -> Any:
-        """Return what is made once."""
+        """Return something that is made once."""
         with self.lock:
             if key not in self._kept:
                 self._kept[key] = make()
             return self._kept[key]
 
     def compiler(self, action: PreparedAction) -> Compiler:
-        """Return what compiles parts with the parameters of an action."""
+        """Return a compiler of parts with the parameters of an action."""
         slots = [each.slot for each in action.parameters]
         found: Compiler = self.kept((Compiler, action.name), lambda: Compiler(self.world, slots))
         return found
@@ -612,13 +612,13 @@ class GroundedTask:
                 self.go(at)
                 new += [one for each in self.searched for one in each.found(each.all)]
         if new:
-            # Those of the bits were not in reach before; one may depend on several of them.
+            # The steps of these bits were not in reach before; one may depend on several bits.
             found = [*dict.fromkeys(found + new)] if self.searched or len(new) > 1 else found + new
             found.sort(key=_ORDER)
         return found, now
 
     def _matter(self, bit: int) -> list[Operator]:
-        """Find the steps that a fact matters to."""
+        """Find the steps that depend on a fact."""
         [fact] = self.facts_of(bit)
         with self.lock:
             found = [one for each in self._schemas.values() for one in each.of_fact(*fact)]
@@ -637,12 +637,12 @@ class GroundedTask:
         return _Conjunction(self, compiler, part).ground(compiler.env())
 
 
-# The tasks of living states, by what they are made of.
+# The tasks of living states, by their contents.
 _TASKS: WeakValueDictionary[Any, GroundedTask] = WeakValueDictionary()
 _LOCK = unforked()
 
 if hasattr(os, "register_at_fork"):
-    # Another thread may have held the lock of one.
+    # Another thread may have held the lock of a task.
     os.register_at_fork(after_in_child=_TASKS.clear)
 
 
@@ -652,7 +652,7 @@ def task_of(
     facts: Iterable[FluentRow],
     values: Mapping[FluentRow, Value],
 ) -> GroundedTask:
-    """Return the one task of these in this process."""
+    """Return the one task with these contents in this process."""
     held = frozenset(facts)
     key = definitions.derive(_said), tuple(map(str, goals)), held, frozenset(values.items())
     with _LOCK:
@@ -663,7 +663,7 @@ def task_of(
 
 
 def _said(definitions: Definitions) -> tuple[tuple[str, int, str], ...]:
-    """Return all that definitions say, as texts."""
+    """Return all definitions as texts."""
     every = ((kind, each) for kind in KINDS[:-1] for each in definitions.elements(kind))
     return tuple([(kind, each.id, each.text) for kind, each in every])
 

@@ -1,7 +1,7 @@
-"""What must hold so that a step can begin: one condition of the state before.
+"""One condition on the state before a step: it can begin if and only if the condition holds.
 
-A step can begin when its objects fit, its duration is allowed, its conditions at the start hold,
-its effects at the start have results, and what is over all holds right after them. The same
+A step can begin if its objects fit, its duration is allowed, its conditions at the start hold, its
+effects at the start have results, and its conditions over all hold right after them. The same
 condition judges a step, explains why it cannot begin, and finds all steps of an action.
 """
 
@@ -39,15 +39,15 @@ Numbers = dict[str, Decimal]
 
 @dataclass(frozen=True)
 class Promise:
-    """What must hold so that steps of an action can begin."""
+    """The condition under which steps of an action can begin."""
 
     part: r.Part  # the condition
-    is_whole: bool  # whether it is all; else what is over all has to be judged for each step
-    listed: r.Part  # that of steps without a duration, the condition of their duration included
+    is_whole: bool  # whether it is complete; if not, judge conditions over all for each step
+    listed: r.Part  # the same for steps without a duration, including the constraints on it
 
 
 def promise_of(action: PreparedAction) -> Promise:
-    """Return what must hold so that steps of an action can begin."""
+    """Return the condition under which steps of an action can begin."""
     return action.kept(Promise, lambda: _promise(action))
 
 
@@ -72,13 +72,13 @@ def _promise(action: PreparedAction) -> Promise:
 
 
 def _fresh(action: PreparedAction, bound: Sequence[r.Bound], part: r.Part) -> r.Part:
-    """Return that there are objects, with variables that no other part has."""
+    """Quantify a part existentially, with variables that no other part has."""
     whole = r.Witness(tuple(bound), part) if bound and part != r.FALSE else part
     return r.replaced(whole, {}, action.numbers)
 
 
 def _has_result(action: PreparedAction, item: EffectItem) -> r.Part:
-    """Return that an effect has a result wherever it takes place."""
+    """Make the condition that an effect has a result wherever it takes place."""
     lacking = _fresh(action, item.around, item.lacking)
     wanted = r.all_of([*_types_fit(action, item), *_is_defined(action, item)])
     if wanted == r.TRUE:
@@ -88,7 +88,7 @@ def _has_result(action: PreparedAction, item: EffectItem) -> r.Part:
 
 
 def _types_fit(action: PreparedAction, item: EffectItem) -> Iterator[r.Part]:
-    """Yield that objects fit, where their variables have wider types."""
+    """Yield the conditions that objects fit, if their variables have wider types."""
     definitions = action.definitions
     declared = definitions.predicates, definitions.functions
     head = declared[item.operator not in ("add", "delete")].live(item.head)
@@ -111,7 +111,7 @@ def _types_fit(action: PreparedAction, item: EffectItem) -> Iterator[r.Part]:
 
 
 def _is_defined(action: PreparedAction, item: EffectItem) -> Iterator[r.Part]:
-    """Yield that a number and the fluent that it changes have values."""
+    """Yield the conditions that a number and the fluent that it changes have values."""
     value = item.value
     if value is None or isinstance(value, r.Slot | r.Known):
         return
@@ -127,7 +127,7 @@ def _is_defined(action: PreparedAction, item: EffectItem) -> Iterator[r.Part]:
 
 
 def _conflict(action: PreparedAction, one: EffectItem, other: EffectItem) -> r.Part:
-    """Return that two effects do not change one fluent in ways that contradict each other."""
+    """Make the condition that two effects do not change one fluent in conflicting ways."""
     operators = {one.operator, other.operator}
     is_same_kind = operators <= ADDITIVE or operators <= SCALING
     is_other = one.head != other.head or not operators.isdisjoint(("add", "delete"))
@@ -152,7 +152,7 @@ def _equal(
     places: dict[r.Slot, r.Place],
     numbers: Iterator[int],
 ) -> r.Part:
-    """Return that two assigned values are the same."""
+    """Make the condition that two assigned values are equal."""
     assert left is not None
     assert right is not None
     if isinstance(left, r.Slot | r.Known) and isinstance(right, r.Slot | r.Known):
@@ -166,7 +166,7 @@ def _equal(
 
 
 def limits_of(action: PreparedAction) -> list[tuple[str, r.Quantity, r.Needed]]:
-    """Return the constraints on the duration at the start, each with its limit and its needs."""
+    """Return the constraints on the duration at the start, with their limits and conditions."""
     found = []
     for constraint in action.constraints(AT_START):
         operator, side = constraint.operator, constraint.right
@@ -178,7 +178,7 @@ def limits_of(action: PreparedAction) -> list[tuple[str, r.Quantity, r.Needed]]:
 
 
 def _with_duration(action: PreparedAction, part: r.Part) -> r.Part:
-    """Return what must hold so that steps without a duration can begin."""
+    """Return the condition under which steps without a duration can begin."""
     limits = limits_of(action)
     fixed = next((limit for operator, limit, _ in limits if operator == "="), None)
     if fixed is None and action.needs_duration:
@@ -211,7 +211,7 @@ def _with_duration(action: PreparedAction, part: r.Part) -> r.Part:
 def _within(
     operator: str, left: r.Quantity, right: r.Quantity, tolerance: Decimal
 ) -> Iterator[r.Part]:
-    """Yield that a comparison holds within a tolerance."""
+    """Yield the conditions that a comparison holds within a tolerance."""
     difference = r.Operation("-", (left, right))
     if operator in ("<", "<=", "="):
         yield r.Compares("<" if operator == "<" else "<=", difference, tolerance)
@@ -222,7 +222,7 @@ def _within(
 def duration_of(
     view: View, step: GroundStep, time: str, known: Decimal | None
 ) -> tuple[Numbers, list[FailedCondition]]:
-    """Find the duration where a constraint of a time fixes it, and check it against all of them."""
+    """Find the duration that a constraint at a time fixes, and check it against all of them."""
     duration, action = known, step.action
     binding = bound(action.variables, step.names)
     found: list[tuple[f.Comparison, bool, Decimal | None]] = []
@@ -247,7 +247,7 @@ def duration_of(
 
 
 def no_duration(step: GroundStep, duration: Decimal | None) -> list[FailedCondition]:
-    """Return that a duration is negative, or that it matters and is not given."""
+    """Return the fault of a negative duration, or of a missing one that matters."""
     if duration is not None and duration < 0:
         return [FailedCondition("(>= ?duration 0)", f"the duration is {duration:f}")]
     if duration is None and step.action.needs_duration:
@@ -259,7 +259,7 @@ def no_duration(step: GroundStep, duration: Decimal | None) -> list[FailedCondit
 def _contradictions(
     found: Sequence[tuple[f.Comparison, bool, Decimal | None]],
 ) -> Iterator[FailedCondition]:
-    """Yield the bounds that no duration is within."""
+    """Yield the bounds that exclude each other."""
     least: list[tuple[str, Decimal]] = [("0", Decimal(0))]
     most: list[tuple[str, Decimal]] = []
     for closed, is_left, limit in found:
@@ -275,7 +275,7 @@ def _contradictions(
                 yield FailedCondition(text, reason, low, high)
 
 
-# Judging steps.
+# Judging of steps.
 
 
 def judge(view: View, step: GroundStep) -> tuple[Numbers, list[FailedCondition]]:
@@ -283,7 +283,7 @@ def judge(view: View, step: GroundStep) -> tuple[Numbers, list[FailedCondition]]
     is_same = step.action.definitions is view.definitions
     wrong = step.misfits if is_same else misfits(view.definitions, step)
     if wrong:
-        # No statement has compared the definitions with the head.
+        # No statement has compared the definitions with the head yet.
         _need_snapshot(view)
         return {}, wrong
     action = step.action
@@ -303,13 +303,13 @@ def judge(view: View, step: GroundStep) -> tuple[Numbers, list[FailedCondition]]
 
 
 def _need_snapshot(view: View) -> None:
-    """Have several statements see one state."""
+    """Require that several statements see one state."""
     if view.definition_revision is not None:
         raise DefinitionsMovedError
 
 
 def is_true(view: View, step: GroundStep, time: str | None, numbers: Mapping[str, Decimal]) -> bool:
-    """Return whether a step can begin, or with a time, whether its conditions of then hold."""
+    """Return whether a step can begin, or with a time, whether its conditions at it hold."""
     action = step.action
     key = ("truth", time, *statement_key(view, numbers))
 
@@ -324,7 +324,7 @@ def is_true(view: View, step: GroundStep, time: str | None, numbers: Mapping[str
 
 
 def _explain(view: View, step: GroundStep, numbers: Numbers) -> list[FailedCondition]:
-    """Return what fails of conditions at the start, of effects at the start, or of invariants."""
+    """Return the failing conditions at start, or effects at start, or invariants."""
     _need_snapshot(view)
     failed = Explainer(view, numbers).failed(closed_nodes(step, AT_START))
     if failed:
@@ -343,7 +343,7 @@ def _explain(view: View, step: GroundStep, numbers: Numbers) -> list[FailedCondi
 
 
 def closed_nodes(step: GroundStep, time: str) -> list[f.Formula]:
-    """Return the conditions of a time with the objects of a step."""
+    """Return the conditions at a time with the objects of a step."""
     binding = bound(step.action.variables, step.names)
     return [substitute(node, binding) for node in step.action.nodes(time)]
 
@@ -357,7 +357,7 @@ def changing(action: PreparedAction) -> set[Head]:
 
 
 def check_linear(action: PreparedAction) -> None:
-    """Refuse continuous change that is not linear, or that a condition over all cannot follow."""
+    """Refuse nonlinear continuous change, or a condition over all that cannot be followed."""
     items, heads = action.items(CONTINUOUS), changing(action)
     functions = action.definitions.functions
     for item in items:
@@ -393,7 +393,7 @@ def is_executable(action: PreparedAction) -> bool:
 def until_end(
     view: View, step: GroundStep, numbers: Mapping[str, Decimal]
 ) -> list[FailedCondition]:
-    """Return what over all does not hold until right before the end, if time passes as planned."""
+    """Return the conditions over all that fail before the end, if time passes as planned."""
     nodes, heads = closed_nodes(step, OVER_ALL), changing(step.action)
     kept = step.action.condition(OVER_ALL)
     if not heads or heads_of(rules_of(view.definitions), kept).isdisjoint(heads):

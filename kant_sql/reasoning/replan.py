@@ -1,8 +1,8 @@
-"""Keeping a plan right while the world changes.
+"""Keeps a plan valid while the world changes.
 
-What is left of a plan is validated from the present state when a change touches what it still
-needs: a fact or a fluent that a condition, an effect or the goal reads, or a definition. It is
-planned again only when it broke.
+The rest of a plan is validated from the present state when a change touches something that it still
+needs: a fact or a fluent that a condition, an effect or the goal reads, or a definition. A new plan
+is made only if it broke.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from ..store.store import Store
 from . import search
 from .validate import Validation, check_validated, read_any_plan, validate_plan
 
-# What `take_over` says of steps that another plan replaces.
+# `take_over` writes this text for steps that another plan replaces.
 _TOOK_PLACE = re.compile(r"plan (\d+) took its place", re.ASCII)
 # A fact or a value, its predicate or function, and each argument; None for any object.
 _Need = tuple[str, str, tuple[str | None, ...]]
@@ -58,10 +58,10 @@ class PlanOptions(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class Replanned:
-    """A plan to go on with.
+    """A plan to continue with.
 
     Attributes:
-        plan: the recorded plan: the one that was given or has taken its place, or the new one.
+        plan: the recorded plan: the given one, its replacement, or a new one.
         broken: why the given plan broke; None if it is kept.
         is_validated: whether the rest was validated; False if no change since the last call
             touches what it needs.
@@ -84,28 +84,28 @@ class Replanned:
 def replan(
     state: State, plan: RecordedPlan | int | None = None, **options: Unpack[PlanOptions]
 ) -> Replanned:
-    """Keep a plan that still works; else find another one.
+    """Keep a plan that still works, or find another one.
 
     The steps of a recorded plan that have not succeeded are validated from the present state, as
     `validate` does. If they still reach the goals, the plan is kept. If not, or if a step failed,
     was aborted or was refused, another plan is found and recorded; the steps of the old one that
-    were not begun are aborted, in the same revision.
+    have not begun are aborted, in the same revision.
 
     Call it after each change (`watch`): this process remembers what the plan needs, and validates
-    only when a change touches it: a fact or a value that a condition, an effect or the goal reads,
-    a goal, a constraint or a definition. `execute(..., replan={})` does all this for you.
+    only if a change touches it: a fact or a value that a condition, an effect or the goal reads, a
+    goal, a constraint or a definition. `execute(..., replan={})` does all this for you.
 
     Args:
-        plan: a recorded plan or its id; None for the last one that was recorded. If another plan
-            has taken its place, that one counts.
+        plan: a recorded plan or its id; None for the last recorded one. If another plan has
+            replaced it, that one counts.
         options: how to plan, as for `plan`.
 
     Returns:
-        The plan to go on with, and why the old one broke.
+        The plan to continue with, and why the old one broke.
 
     Raises:
-        PlanError: there is no such plan, or it broke while a step of it runs: end or abort that
-            step first; or this transaction has changed the state, and has to be committed first.
+        PlanError: there is no such plan, or it broke while one of its steps is running: end or
+            abort that step first; or this transaction has changed the state: commit it first.
         InvalidArgumentError: an option is not one of `plan`.
         NoPlanError, PlannerMissingError, UnsupportedConstructError: as for `plan`; nothing was
             written.
@@ -128,10 +128,10 @@ def replan(
     """
     check_options(options)
     given, remembered = _recorded(state, plan), state.store.remembered
-    # Taken out, so that no two threads have one.
+    # Removed, so no two threads have it.
     remaining = remembered.pop(Remaining, None)
     if remaining is None or remaining.plan_id != given.id:
-        # Plans that came before are over.
+        # Earlier plans are over.
         remaining = Remaining(given.id)
     broken, is_validated = remaining.look(state, given)
     remembered[Remaining] = remaining
@@ -143,7 +143,7 @@ def replan(
 
 
 def _refuse_running(plan: RecordedPlan, why: str) -> None:
-    """Refuse to replace a plan of which a step runs."""
+    """Refuse to replace a plan with a running step."""
     runs = next((step for step in plan.steps if step.outcome == RUNNING), None)
     if runs is not None:
         raise PlanError(
@@ -153,7 +153,7 @@ def _refuse_running(plan: RecordedPlan, why: str) -> None:
 
 
 def check_options(options: object) -> None:
-    """Refuse what `plan` does not take, before it is needed."""
+    """Refuse options that `plan` does not take, before they are needed."""
     known = PlanOptions.__annotations__
     expected = f"a dict of arguments of kb.plan ({', '.join(known)})"
     if not isinstance(options, dict) or not options.keys() <= known.keys():
@@ -161,7 +161,7 @@ def check_options(options: object) -> None:
 
 
 def _recorded(state: State, plan: RecordedPlan | int | None) -> RecordedPlan:
-    """Read a recorded plan as it is now."""
+    """Read the present version of a recorded plan."""
     number = last_plan(state.store) if plan is None else plan
     if number is None:
         raise PlanError(
@@ -174,7 +174,7 @@ def _recorded(state: State, plan: RecordedPlan | int | None) -> RecordedPlan:
 
 
 def _successor(state: State, plan: RecordedPlan) -> RecordedPlan:
-    """Return the plan that took the place of one, or of its successors; else the plan."""
+    """Return the plan that replaced this one, or the last of its successors, or this one."""
     found: RecordedPlan | None = plan
     while found is not None:
         plan = found
@@ -185,7 +185,7 @@ def _successor(state: State, plan: RecordedPlan) -> RecordedPlan:
 
 
 def take_over(state: State, old: RecordedPlan, why: str, options: PlanOptions) -> RecordedPlan:
-    """Find and record the plan that takes the place of one that broke."""
+    """Find and record a replacement for a broken plan."""
     is_within = state.store.current() is not None
     found, dao = search.plan(state, **options), SqlPlanDao(state.store)
     with state.store.transaction(reason=f"plan {old.id} broke: {why}"):
@@ -200,7 +200,7 @@ def take_over(state: State, old: RecordedPlan, why: str, options: PlanOptions) -
         except PlanError as error:
             if not is_within:
                 raise
-            # Only what was committed is a state that a recorded plan can be made from.
+            # A recorded plan can only be made from a committed state.
             raise PlanError(
                 f"plan {old.id} broke: {why}; commit this transaction, and then plan again"
             ) from error
@@ -221,7 +221,7 @@ def _outcomes(plan: RecordedPlan) -> list[str | None]:
 
 
 class Remaining:
-    """What is left of a recorded plan, and up to which revision it is known to work."""
+    """The rest of a recorded plan, and the last revision for which it is known to work."""
 
     def __init__(self, plan_id: int) -> None:
         self.plan_id = plan_id
@@ -232,11 +232,11 @@ class Remaining:
         self._outcomes: list[str | None] = []
 
     def look(self, state: State, plan: RecordedPlan) -> tuple[str | None, bool]:
-        """Return why the plan, as it is now, broke, if it did, and whether it was validated."""
-        # What a transaction has not committed is in no revision, and may never be.
+        """Return why the plan, at present, is broken, if it is, and whether it was validated."""
+        # Uncommitted changes have no revision, and may never have one.
         is_committed, head = state.store.current() is None, head_revision(state)
         known = self._known if is_committed else None
-        # What succeeded may not have had its effects.
+        # A succeeded step may not have had its effects.
         before, self._outcomes = self._outcomes, _outcomes(plan)
         if (
             known is not None
@@ -253,13 +253,13 @@ class Remaining:
         if self._broken is not None:
             now = _as_now(state, plan)
             if _outcomes(now) != self._outcomes:
-                # A step has begun or ended between the plan was read and the state.
+                # A step has begun or ended between reading the plan and the state.
                 return self.look(state, now)
         self._known = task.revision if is_committed and is_judged else None
         return self._broken, is_judged
 
     def _is_touched(self, store: Store, plan: RecordedPlan, low: int, high: int) -> bool:
-        """Return whether a change of some revisions touches what is needed."""
+        """Return whether a change of some revisions touches what the plan needs."""
         left = (self._steps[step.position] for step in plan.steps if step.outcome != SUCCEEDED)
         needed = defaultdict[tuple[str, str], list[tuple[str | None, ...]]](list)
         for kind, name, arguments in self._goal.union(*left):
@@ -273,7 +273,7 @@ class Remaining:
         return low <= high and store.query_in_snapshot(read)
 
     def _note_needs(self, task: PlanningTask, plan: RecordedPlan, actions: _Actions) -> None:
-        """Find what the goal and each step that is left read."""
+        """Find what the goal and each remaining step read."""
         rules = defaultdict[str, list[f.Node]](list)
         for rule in task.domain.derived:
             rules[fold(rule.predicate)].append(rule.formula)
@@ -309,7 +309,7 @@ def _read_by(effects: Iterable[f.Node]) -> Iterator[f.Node]:
 
 
 def _needs(read: Iterable[f.Node], rules: dict[str, list[f.Node]]) -> _Needs:
-    """Return the facts and fluents that nodes read, through derived predicates too."""
+    """Return the facts and fluents that nodes read, also through derived predicates."""
     found, followed, stack = set[_Need](), set[str](), [*read]
     while stack:
         for part in f.walk(stack.pop()):
@@ -329,10 +329,10 @@ def _arguments(terms: Iterable[f.Term]) -> tuple[str | None, ...]:
 
 
 def _touches(change: Change, needed: dict[tuple[str, str], list[tuple[str | None, ...]]]) -> bool:
-    """Return whether a change is of what is needed."""
+    """Return whether a change touches something needed."""
     kind = change.kind
     if kind not in (FACT, VALUE):
-        # What ended before an archive is not among the changes any more.
+        # An archive has removed the changes of ended versions.
         return kind in STATED or kind == ARCHIVE
     name, *objects = fold(name_in(kind, change.text)).strip("()").split()
     return any(
@@ -350,7 +350,7 @@ def _has_ended(step: Execution) -> bool:
 def _why_broken(
     task: PlanningTask, plan: RecordedPlan, actions: _Actions
 ) -> tuple[str | None, bool]:
-    """Return why what is left of a plan does not reach the goals, if so, and if that is known."""
+    """Return why the rest of a plan does not reach the goals, or None, and if that is known."""
     for step in plan.steps:
         if _has_ended(step):
             return f"{step.place}, {step}, is {step.outcome}", True
@@ -362,7 +362,7 @@ def _why_broken(
         if step.outcome == RUNNING and action is not None and action.kind == DURATIVE_ACTION:
             rest = _without_start(action)
             if rest is None:
-                # What it does in the end was decided when it began: wait for its end.
+                # Its start decided the effects of its end: wait for the end.
                 return None, False
             rests[rest.name] = rest
             step = replace(step, action=rest.name)  # noqa: PLW2901
@@ -373,7 +373,7 @@ def _why_broken(
 
 
 def _without_start(action: Action) -> Action | None:
-    """Return what is left of a durative action that runs; None where its start decides its end."""
+    """Return the rest of a running durative action; None if its start decides its end."""
 
     def is_left(part: f.Formula) -> bool | None:
         times = {one.time for one in f.walk(part) if isinstance(one, f.Timed)}
@@ -387,7 +387,7 @@ def _without_start(action: Action) -> Action | None:
         tuple(part for part in given if id(part) in left)
         for given in (action.condition, action.effect)
     )
-    # No action of a domain has a space in its name.
+    # A domain has no action with a space in its name.
     name = f"{action.name} running"
     return replace(action, name=name, duration=(), condition=condition, effect=effect)
 

@@ -1,4 +1,4 @@
-"""Rules that watch: a verdict comes with the commit that decides it."""
+"""Watched rules: each verdict comes with the commit that decides it."""
 
 from __future__ import annotations
 
@@ -47,19 +47,19 @@ def watch_rules(
 ) -> Iterator[Verdict]:
     """Follow rules: each verdict comes with the commit that decides it.
 
-    It is what `check_rules` would say if that revision were the last, but `pending` where a later
-    one can make it good, as `(sometime ...)` before it held. What is violated stays so. No revision
-    is left out: resume with `after`, as of `watch`. A rule is judged by what each revision changes.
+    It is the verdict of `check_rules` if that revision were the last, but `pending` if a later one
+    can fulfil the rule, such as `(sometime ...)`. A violated rule stays violated. A rule is judged
+    by the changes of each revision, and none is left out: resume with `after`, as for `watch`.
 
     Args:
-        rules: as for `check_rules`; None for those that are kept in the store (`kb.rules`), each
+        rules: as for `check_rules`; None for the rules that the store keeps (`kb.rules`), each
             judged from the revision that saved it to the one that redefines or deletes it.
         after: only verdicts after this revision, given as for `kb.at`; None for the present head.
-        since: the first revision by which given rules are judged; None for the first of all.
-        timeout: seconds to wait for each new revision, then it ends; None to wait without limit.
+        since: the first revision to judge given rules by; None for the first of all.
+        timeout: seconds to wait for each new revision before it ends; None for no limit.
 
     Returns:
-        The verdicts that are others than before, with the revision that decided each.
+        The changed verdicts, with the revision that decided each.
 
     Raises:
         PddlError, UnsupportedConstructError, SourceError, ArchivedError: as `check_rules`.
@@ -85,7 +85,7 @@ def watch_rules(
 
 @dataclass(frozen=True, eq=False)
 class _Asked:
-    """Rules that are judged from a revision on; the name of one that is kept."""
+    """Rules to judge from a revision on, with the name if it is a kept rule."""
 
     low: int
     constraints: tuple[f.Formula, ...]
@@ -98,7 +98,7 @@ class _Asked:
 
 
 class RuleWatcher:
-    """Judges rules as revisions come: those that are given, or those that are kept."""
+    """Judges rules as revisions come: the given rules, or the kept ones."""
 
     def __init__(
         self, store: Store, last: int, rules: Rules | None = None, since: When | None = None
@@ -107,7 +107,7 @@ class RuleWatcher:
         self.last = last  # the last revision whose verdicts were returned
         self._store, self._rules = store, rules
         self._low = 1 if rules is None else find_bounds(State(store), since, None).low
-        # What rules are read of: rows of those that are kept, or nothing.
+        # The rules, by their rows if they are kept; given rules have an empty row.
         self._asked: dict[Row, _Asked] = {} if rules is None else self._read_given(rules)
         self._judges: dict[_Asked, Judge] = {}
         self._sweep: Sweep | None = None
@@ -116,7 +116,7 @@ class RuleWatcher:
 
     def stand(self, state: State) -> Verdicts:
         """Judge the revisions up to a state; return the verdicts on all rules so far."""
-        # Within a transaction, nobody is waited for, who may wait for its connection.
+        # Within a transaction, do not wait: the other thread may wait for its connection.
         if not self._lock.acquire(blocking=self._store.current() is None):
             return RuleWatcher(self._store, 0).stand(state)
         try:
@@ -128,7 +128,7 @@ class RuleWatcher:
         # With the lock: a head read before it may be older than another thread's.
         head = head_revision(state)
         if head < self.last:
-            # The store was put back to an earlier state.
+            # Somebody restored the store to an earlier state.
             self.last, self._judges, self._sweep = 0, {}, None
         self._judge(head)
 
@@ -139,7 +139,7 @@ class RuleWatcher:
         return Verdicts(self._store.query_known(work, none), first=min(head, 1), last=head)
 
     def within(self, low: int, high: int) -> list[Verdict]:
-        """Judge a range as a whole by the rules that are kept at its end, each since it was."""
+        """Judge a whole range by the rules that are kept at its end, each since its last save."""
         judges = {one: one.judge(watches=False) for one in self._read_kept(high)}
 
         def work(session: Session, kb_id: int) -> list[Verdict]:
@@ -151,19 +151,19 @@ class RuleWatcher:
 
     def follow(self, head: int) -> list[Verdict]:
         """Judge the revisions up to a new head; return the verdicts that they decided."""
-        # A rule that is gone by then is judged for as long as it was kept.
+        # A rule that was deleted meanwhile is judged for as long as it was kept.
         read = partial(read_ends_of_rules, after=self.last + 1, high=head)
         ends: list[int] = self._store.query_known(read, []) if self._rules is None else []
         upto = [*(number - 1 for number in ends), head]
         return [verdict for high in upto for verdict in self._judge(high)]
 
     def _judge(self, head: int) -> list[Verdict]:
-        """Judge the rules that are kept at a head, or that are given."""
+        """Judge the rules that are kept at a head, or the given ones."""
         self._heed()
         asked = [*self._asked.values()] if self._rules is not None else self._read_kept(head)
 
         def work(session: Session, kb_id: int) -> list[Verdict]:
-            # After an error it starts from the beginning.
+            # After an error, the next call starts from the beginning.
             before, self._judges = self._judges, {}
             sweep, self._sweep = self._sweep, None
             archived = read_position(session, kb_id).archived
@@ -179,7 +179,7 @@ class RuleWatcher:
         return self._store.query_known(work, [])
 
     def _heed(self) -> None:
-        """Begin again after an erasure: what was read before has the names that it erased."""
+        """Begin again after an erasure: what was read before has the erased names."""
         erased = self._store.query(read_position).erased
         if self._erased not in (0, erased):
             self._judges, self._sweep = {}, None
@@ -196,7 +196,7 @@ class RuleWatcher:
         rows = [tuple(row) for row in found]
         new = [row for row in rows if row not in self._asked]
         if new:
-            # What they name is defined as long as they are kept.
+            # Their names are defined as long as they are kept.
             known = self._store.read_definitions(lambda known: known, head)
             self._asked |= {row: self._read(known, *row[1:]) for row in new}
         self._asked = {row: self._asked[row] for row in rows}
@@ -210,14 +210,14 @@ class RuleWatcher:
 
 
 def kept_within(state: State, low: int, high: int) -> list[Verdict]:
-    """Judge a range by the rules that are kept at its end, by each since it was saved."""
+    """Judge a range by the rules that are kept at its end, each since its last save."""
     return RuleWatcher(state.store, 0).within(low, high)
 
 
 def _judge_upto(
     session: Session, kb_id: int, judges: Mapping[_Asked, Judge], span: Range, before: Sweep | None
 ) -> Sweep | None:
-    """Judge the revisions of a range that each judge has not seen, in statements that all share."""
+    """Judge the revisions of a range that each judge has not seen, with shared statements."""
     low, high, archived = span
     begins = [
         (judge, max(low, one.low, judge.last + 1, archived if one.name else 0))
@@ -244,11 +244,11 @@ def watcher_of(
 def standing(state: State) -> Verdicts:
     """Judge the rules that are kept, each from the revision that saved it.
 
-    The next call goes on from there: it reads what changed since.
+    The next call continues from there: it reads the changes since.
 
     Returns:
-        The verdicts so far: `kept`, `violated`, `pending` where a later revision can make it good,
-        or `not judged`.
+        The verdicts so far: `kept`, `violated`, `pending` if a later revision can fulfil the
+        rule, or `not judged`.
 
     Examples:
         >>> _ = kb.rules.save("away", "(sometime (not (robot_at rb1 wp1)))")

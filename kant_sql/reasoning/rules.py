@@ -1,8 +1,8 @@
-"""Rules about the past: trajectory constraints of PDDL 3.0, held against what was recorded.
+"""Rules about the past: trajectory constraints of PDDL 3.0, judged on the recorded history.
 
 The states of a range of revisions are a trajectory, each state at the time of its revision, and the
-first one at time 0. Only revisions that touch what the rules mention are judged, and those next to
-a time in a rule: between them, no verdict can change.
+first one at time 0. Only revisions that touch elements of the rules are judged, and those next to a
+time in a rule: between them, no verdict can change.
 """
 
 from __future__ import annotations
@@ -53,12 +53,12 @@ class Verdict(html.OneRow):
         is_satisfied: whether it was judged, and is kept.
         is_preference: whether it is a preference.
         preference: the name of the preference; None for another rule, or without a name.
-        revision: the first revision that violates it, with who made it, when and why; None if none
+        revision: the first revision that violates it, with its actor, time and reason; None if none
             does. With `kb.watch_rules`, the revision that decided.
         time: its time in seconds from the first revision of the range; None without one.
-        valid_at: on the clock of valid times, the time of the violation; `revision` is the last
-            one about that state, None if it is before the range.
-        is_judged: whether some state of the range has its names.
+        valid_at: on the clock of valid times, the time of the violation; then `revision` is the
+            last one about that state, None if it is before the range.
+        is_judged: whether some state of the range has all its names.
         is_pending: whether it is violated unless a later revision fulfils it.
         name: the name of a kept rule.
     """
@@ -142,7 +142,7 @@ class Verdicts(html.Listing[Verdict]):
 
     @property
     def worst_first(self) -> list[Verdict]:
-        """All of them: first those that are violated, pending, or not judged."""
+        """All verdicts: first the violated, pending and not judged ones."""
         return sorted(self, key=lambda one: WORDS.index(one.verdict))
 
     @property
@@ -155,8 +155,8 @@ class Verdicts(html.Listing[Verdict]):
         """Return the verdicts as dictionaries, for tables and JSON.
 
         Returns:
-            For each one `rule`, `verdict`, `is_satisfied`, `is_preference`, `preference`, and of
-            the first violation `revision`, `committed_at`, `observed_at`, `actor`, `reason`,
+            For each verdict `rule`, `verdict`, `is_satisfied`, `is_preference`, `preference`, and
+            of the first violation `revision`, `committed_at`, `observed_at`, `actor`, `reason`,
             `source`, `time` and `valid_at`; None without one.
         """
         own = "rule", "verdict", "is_satisfied", "is_preference", "preference"
@@ -184,7 +184,7 @@ class Verdicts(html.Listing[Verdict]):
 
 Rules = Source | f.Formula | Sequence[f.Formula | str]
 KEPT, VIOLATED, PENDING = "kept", "violated", "pending"
-# The worst first.
+# In order, the worst first.
 WORDS = (VIOLATED, PENDING, "not judged", KEPT)
 _MICROSECOND = timedelta(microseconds=1)
 
@@ -203,8 +203,8 @@ def check_rules(
     from the first revision of the range, whose state is the initial one. The semantics is that
     of Gerevini, Haslum, Long, Saetti and Dimopoulos (Artificial Intelligence 173, 2009).
     A rule is judged in the states that have its names; without any, it is not judged, and not
-    satisfied. A quantifier around a rule makes one rule for each object, which is judged in the
-    states that have the object.
+    satisfied. A quantifier around a rule makes one rule for each object, judged in the states
+    that have the object.
 
     Args:
         rules: constraints and preferences: a path, PDDL text such as
@@ -212,17 +212,17 @@ def check_rules(
             for those of the domain and the problem.
         since: the first revision, or the earliest time of commit; both inclusive.
         until: the last revision, or the latest time of commit; both inclusive.
-        clock: `committed`, or `observed` for the times of observations, if they are given. A time
-            before that of an earlier revision counts as that one. Or `valid` for the states that
-            were true, as known in this state: then `since` and `until` are such times, and the
-            states are those between them, from the first known one.
+        clock: `committed`, or `observed` for the times of observations, if given. A time before
+            that of an earlier revision counts as that one. Or `valid` for the states that were
+            true, as known in this state: then `since` and `until` are such times, and the states
+            are those between them, from the first known one.
 
     Returns:
         The verdicts, in the order of the rules.
 
     Raises:
         PddlError: a rule is not well-formed, or no state had all the names in the rules.
-        UnsupportedConstructError: PDDL 3.0 gives a rule no meaning, as to nested modalities.
+        UnsupportedConstructError: PDDL 3.0 gives a rule no meaning, such as nested modalities.
         SourceError: the file cannot be read.
         InvalidArgumentError: there is no such clock.
         UnknownRevisionError: `since` or `until` lies in the future, or is a time without zone.
@@ -271,7 +271,7 @@ def _check_valid(state: State, rules: Rules | None, span: ValidRange) -> Verdict
 def read_constraints(
     store: Store, rules: Rules | None, upto: int | None, known: Definitions | None = None
 ) -> tuple[tuple[f.Formula, ...], Definitions]:
-    """Read the rules: those that are given, with known or the latest names, or the store's."""
+    """Read the given rules, with known or the latest names, or the rules of the store."""
     if rules is None:
         definitions = store.read_definitions(lambda known: known, upto)
         own = [
@@ -307,14 +307,14 @@ def _verdict(rule: Rule) -> str:
     return PENDING if rule.is_open else KEPT
 
 
-# When a revision was committed, and when its knowledge was observed.
+# The times of a revision: of its commit, and of its observation.
 _Times = tuple[datetime, datetime | None]
 _Key = tuple[int, str, tuple[tuple[str, str], ...]]
 
 
 @dataclass(eq=False)
 class Judge:
-    """Judges constraints by the states that it sees; if it watches, it says what each decides."""
+    """Judges constraints by the states that it sees; if it watches, it notes each new verdict."""
 
     constraints: Sequence[f.Formula]
     clock: str = COMMITTED
@@ -325,34 +325,34 @@ class Judge:
         nodes = f.walk(*self.constraints)
         numbers = (number for one in nodes if isinstance(one, f.Modal) for number in one.numbers)
         self.bounds = sorted({number.value for number in numbers})  # the times in its rules
-        self.last = 0  # the last revision that was judged; 0 before the first
-        # The rules, each with the order of its constraint, and its own.
+        self.last = 0  # the last judged revision; 0 before the first
+        # The rules, each with the number of its constraint, and its own number.
         self._known: dict[_Key, tuple[tuple[int, int], Rule]] = {}
-        # The constraints that had a meaning in some world.
+        # The constraints that have had a meaning in some world.
         self._meant: set[int] = set()
         # The rules that have a meaning in the present world, with their monitors.
         self._live: list[tuple[Rule, list[Monitor]]] = []
         self._conditions: Conditions | None = None
-        # The revisions that were judged, by the index of their moments.
+        # The judged revisions, by the index of their moments.
         self._judged = array("q")
         self._world: World | None = None
         self._first = self._low = 0
         self.begin_at: datetime | None = None  # when its trajectory begins
         self._now = Decimal(-1) if self.bounds else Decimal(0)
-        # The verdict on each rule, and when another one came.
+        # The verdict on each rule, and the changes of verdicts.
         self._words: dict[int, str | None] = {}
         self._decided: list[Decided] = []
 
     # States.
 
     def begin(self, low: int) -> None:
-        """Begin a range; another one goes on where the last one ended."""
+        """Begin a range; the next one continues where the last one ended."""
         self._first, self._low = self._first or low, low
 
     def reach(self, number: int, times: _Times, before: Visit | None) -> bool:
         """Go on to the time of a revision; return whether it is next to a time in a rule.
 
-        Then it judges the state before, too.
+        If so, judge the state before, too.
         """
         moment = self._moment(*times)
         self.begin_at = self.begin_at or moment
@@ -365,7 +365,7 @@ class Judge:
         return passes
 
     def see(self, number: int, visit: Visit) -> None:
-        """Judge the state of a revision, at the time that was reached."""
+        """Judge the state of a revision, at the present time of the trajectory."""
         self.judge(self._now, number, visit)
 
     def judge(self, time: Decimal, revision: int, visit: Visit) -> None:
@@ -414,7 +414,7 @@ class Judge:
                 self._live.append((own, own.meet(rule)))
 
     def _passes(self, before: Decimal, time: Decimal) -> bool:
-        """Return whether a time of a rule lies between two times, or at one of them alone."""
+        """Return whether a time of a rule lies between two times, or at only one of them."""
         bounds = self.bounds
         reached = bisect_right(bounds, time) > bisect_right(bounds, before)
         return reached or bisect_left(bounds, time) > bisect_left(bounds, before)
@@ -425,7 +425,7 @@ class Judge:
     # Verdicts.
 
     def take(self) -> list[Decided]:
-        """Return what was decided since the last call."""
+        """Return the new verdicts since the last call."""
         found, self._decided = self._decided, []
         return found
 
@@ -439,13 +439,13 @@ class Judge:
         return found
 
     def cited(self, found: Sequence[Decided]) -> set[int]:
-        """Return the revisions that are read for verdicts."""
+        """Return the revisions to read for verdicts."""
         return {self._first, *(one.revision or 0 for one in found)} - {0} if found else set()
 
     def standing(
         self, so_far: Sequence[Decided], revisions: Mapping[int, Revision]
     ) -> list[Verdict]:
-        """Make the verdicts so far, also on what was not judged, in the order of the rules."""
+        """Make the verdicts so far, also on unjudged rules, in the order of the rules."""
         numbers = [number for (number, _), _ in sorted(self._known.values())]
         made = [self.verdict(one, revisions) for one in so_far]
         found = [*zip(numbers, made, strict=True)]
@@ -458,7 +458,7 @@ class Judge:
         """Make a verdict with the revisions that it cites."""
         rule, word, number, seconds = one
         time, valid_at = None if number is None else seconds, None
-        # On the clock of valid times, none has said what was so before the range.
+        # On the clock of valid times, no revision stated what was true before the range.
         revision = None if number is None else revisions.get(number)
         if number is not None and self.clock == VALID:
             assert self.begin_at is not None
@@ -480,7 +480,7 @@ def conclude(session: Session, kb_id: int, judges: Sequence[Judge]) -> list[Verd
 
 
 def stand(session: Session, kb_id: int, judges: Sequence[Judge]) -> list[Verdict]:
-    """Read the verdicts of judges so far, also on what was not judged, in the order of rules."""
+    """Read the verdicts of judges so far, also on unjudged rules, in the order of the rules."""
     so_far = {one: one.so_far() for one in judges}
     revisions = _read_cited(session, kb_id, so_far)
     return [each for judge, own in so_far.items() for each in judge.standing(own, revisions)]
@@ -489,7 +489,7 @@ def stand(session: Session, kb_id: int, judges: Sequence[Judge]) -> list[Verdict
 def verdicts(
     session: Session, kb_id: int, decided: Mapping[Judge, Sequence[Decided]]
 ) -> list[Verdict]:
-    """Make verdicts of what judges decided."""
+    """Make the verdicts from the decisions of judges."""
     revisions = _read_cited(session, kb_id, decided)
     return [judge.verdict(one, revisions) for judge, own in decided.items() for one in own]
 
@@ -513,10 +513,10 @@ def judge_together(
     span: Range,
     before: Sweep | None = None,
 ) -> Sweep:
-    """Judge the states of a range by some judges, by each from a revision on.
+    """Judge the states of a range by several judges, each from its own first revision.
 
-    They share the statements: these do not grow with judges. It returns what another range begins
-    with that follows this one.
+    They share the statements, whose number does not grow with the judges. It returns the sweep
+    with which the next range begins.
     """
     formulas = [one for judge, _ in judges for one in judge.constraints]
     sweep = Sweep(session, kb_id, formulas, definitions, span, False, before)
@@ -546,7 +546,7 @@ def judge_together(
 def _moments(
     session: Session, kb_id: int, judges: Sequence[tuple[Judge, int]], span: Range, sweep: Sweep
 ) -> Iterator[tuple[int, _Times | None]]:
-    """Yield the revisions to judge: all, with their times, or those that change and the ends."""
+    """Yield the revisions to judge: all, with their times, or the changes and the ends."""
     if any(judge.bounds for judge, _ in judges):
         for number, committed, observed in stream_times(session, kb_id, span.low, span.high):
             yield number, (committed, observed)
@@ -558,7 +558,7 @@ def _moments(
 
 
 def _judge_valid(session: Session, kb_id: int, judge: Judge, past: ValidPast) -> None:
-    """Judge the first valid time, those at which something changes, and the last one."""
+    """Judge the first valid time, each time of a change, and the last one."""
     span = past.span
     ends = read_numbered(session, kb_id, {1, span.known})
     sweep = ValidSweep(session, kb_id, judge.constraints, past, False)
@@ -575,7 +575,7 @@ def _judge_valid(session: Session, kb_id: int, judge: Judge, past: ValidPast) ->
     while sweep.following is not None:
         time, revision = instant_at(sweep.following)
         present = sweep.step()
-        # The last state of a time stays.
+        # Of several states at one time, only the last counts.
         if sweep.next_time != time:
             judge.judge(_seconds(begin, time), revision, present)
     if time < end:

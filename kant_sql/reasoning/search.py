@@ -1,6 +1,6 @@
-"""The question for a plan, also for one that is cheap by what was learned from executions.
+"""The search for plans, also for cheap ones by costs learned from executions.
 
-Each answer of a planner is validated from the state before it is returned.
+Each plan of a planner is validated from the state before it is returned.
 """
 
 from __future__ import annotations
@@ -50,24 +50,24 @@ def plan(
     """Find a plan from the present state to the goals.
 
     Each plan is validated as by `validate` before it is returned, unless the domain has processes
-    or events. A plugin gives preferences and metrics to planners as costs of actions. What of them
-    a planner cannot be given is named in the plan's `ignored` and logged as a warning; all other
-    parts of the problem are always given.
+    or events. A plugin converts preferences and metrics to costs of actions. Those that a planner
+    cannot get are named in the plan's `ignored` and logged as a warning; planners get all other
+    parts of the problem.
 
     Args:
         engine: an engine's name in unified-planning, for example `fast-downward`; None to
             choose an installed one that supports the problem. Or a command line with a name, as in
             `lama: fast-downward.py --alias lama-first {domain} {problem}`, or a name of the file of
             engines (`docs/planners.md`).
-        engines: several of them, which run side by side.
+        engines: several engines, which run side by side.
         keep: which plan of `engines` to return: the `first` one, or the `best` when all have
-            ended or the time is up, by the metric, else the makespan.
-        costs: `history`: a step costs the time in which it is expected to succeed, by what became
-            of executions up to this state (`docs/learning.md` has the formula). This takes the
-            place of the metric, which is named in `ignored`.
+            ended or the time is up, by the metric, or else the makespan.
+        costs: `history`: a step costs its expected time until success, by the outcomes of
+            executions up to this state (`docs/learning.md` has the formula). This replaces the
+            metric, which is named in `ignored`.
         timeout: seconds to wait; None to wait without limit. Plans of problems with soft
             goals or costs are improved for 10 seconds, or half of the timeout if that is less.
-        memory: the most megabytes of addresses for each process of a planner; None for no limit.
+        memory: the maximum megabytes of addresses for each process of a planner; None for no limit.
         strict: refuse to ignore a part of the metric or a preference.
 
     Returns:
@@ -76,10 +76,10 @@ def plan(
         `domain_pddl` and `problem_pddl`.
 
     Raises:
-        NoPlanError: there is no plan, none was found in time, or it is not valid; `runs` has what
-            became of each engine.
-        UnsupportedConstructError: planners cannot express something of the problem, or with
-            `strict` something of its metric or preferences.
+        NoPlanError: there is no plan, none was found in time, or it is not valid; `runs` has the
+            result of each engine.
+        UnsupportedConstructError: planners cannot express a part of the problem, or with `strict`
+            a part of its metric or preferences.
         PlannerMissingError: unified-planning or the engine is not installed.
         QuestionCancelledError: the limit of `kant_sql.limited` was cancelled.
         InvalidArgumentError: an engine is not a command line with `{domain}` and `{problem}`, or
@@ -99,7 +99,7 @@ def plan(
     judge = partial(_judge, task)
     if costs is not None:
         one_of(costs, ("history",), "costs")
-        # Nothing that was done later is known to this state.
+        # This state does not know of later executions.
         task, ignored = _with_history(task, State(state.store, task.revision))
         if strict and ignored:
             raise refusal(ignored)
@@ -126,7 +126,7 @@ def plan(
 
 
 def _judge(task: PlanningTask, found: planning.Plan) -> Judged:
-    """Validate a plan, and say how much it costs."""
+    """Validate a plan, and describe its cost."""
     try:
         validation = validate_plan(task.domain, task.problem, found)
     except UnsupportedConstructError as error:
@@ -142,15 +142,15 @@ def _judge(task: PlanningTask, found: planning.Plan) -> Judged:
     return Judged(True, f"{text}, metric {cost:f}", -cost if is_maximized else cost)
 
 
-# Cases that the figures of an action count for, besides those with the same arguments.
+# The statistics of an action count as this many cases, besides those with the same arguments.
 WEIGHT = 2
-# Costs are whole hundredths of a second, as planners want whole numbers.
+# Costs are whole hundredths of a second, because planners want whole numbers.
 UNIT = 100
 
 
 @dataclasses.dataclass(frozen=True)
 class Expected:
-    """What is expected of an execution."""
+    """The expected result of an execution."""
 
     seconds: Fraction  # how long it takes
     success: Fraction  # the probability of its success, above 0
@@ -159,12 +159,12 @@ class Expected:
     def cost(self) -> Fraction:
         """The expected time until success (Wald's equation), in whole hundredths of a second.
 
-        An attempt counts for a second at least, or it would cost nothing to fail.
+        An attempt costs at least a second, or failing would cost nothing.
         """
         return Fraction(math.ceil(UNIT * max(self.seconds, Fraction(1)) / self.success))
 
     def updated(self, seen: Statistics | None) -> Expected:
-        """Return what is expected after executions, which this counts as much as `WEIGHT` of."""
+        """Return the expectation after executions; this one counts as `WEIGHT` of them."""
         if seen is None or seen.mean is None:
             return self
         count = seen.succeeded + seen.failed
@@ -175,7 +175,7 @@ class Expected:
 
 
 def expected_of_action(seen: Statistics | None, usual: Fraction) -> Expected:
-    """Return what is expected of an action: the mean of success after the prior Beta(1, 1)."""
+    """Return the expectation for an action: the mean of success after the prior Beta(1, 1)."""
     if seen is None or seen.mean is None:
         return Expected(usual, Fraction(1, 2))
     success = Fraction(seen.succeeded + 1, seen.succeeded + seen.failed + 2)
@@ -183,7 +183,7 @@ def expected_of_action(seen: Statistics | None, usual: Fraction) -> Expected:
 
 
 def _with_history(task: PlanningTask, past: State) -> tuple[PlanningTask, tuple[str, ...]]:
-    """Give actions the costs that executions show, in place of the metric, which is returned."""
+    """Replace the metric by costs from executions; return the replaced metric, too."""
     domain, problem = task.domain, task.problem
     metric, ignored = problem.metric, list[str]()
     if metric is not None:
@@ -204,7 +204,7 @@ def _with_history(task: PlanningTask, past: State) -> tuple[PlanningTask, tuple[
             acts = []
         made.append(_costed(action, expected, acts, objects))
     problem = dataclasses.replace(problem, metric=None)
-    # Numbers that decide nothing any more would take planners for numbers.
+    # Numbers that no longer decide anything would require a planner that supports numbers.
     numeric = frozenset(fold(one.name) for one in domain.functions if not one.types)
     free = numeric - functions_read(domain, problem)
     documents = write_costs(domain, problem, made, free, UnusedNames(domain, problem))
@@ -214,7 +214,7 @@ def _with_history(task: PlanningTask, past: State) -> tuple[PlanningTask, tuple[
 def _costed(
     action: Action, expected: Expected, acts: Iterable[Statistics], objects: Objects
 ) -> CostedAction:
-    """Return an action with its cost for all objects: as that of the action, where not known."""
+    """Return an action with its cost for all objects; unknown ones cost as much as the action."""
     seen = {tuple(map(fold, act.arguments or ())): act for act in acts}
     if not seen:
         return CostedAction(action, amount=expected.cost)

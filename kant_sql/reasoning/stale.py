@@ -1,4 +1,4 @@
-"""Which facts that a condition rests on nobody has seen for long."""
+"""The facts behind a condition that nobody has seen for long."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ def stale(state: State, condition: str | Node, *, than: float) -> list[Version]:
 
     Args:
         condition: an atom, or a conjunction of atoms, comparisons and their negations, as for
-            `query`; its free variables stand for any objects. The facts are those of its positive
+            `query`; free variables stand for any objects. The facts are those of its positive
             atoms, for each of its answers.
-        than: seconds; a fact that was seen more recently is not stale.
+        than: seconds; a fact seen more recently is not stale.
 
     Returns:
         The facts that hold, the first asserted first.

@@ -1,7 +1,7 @@
-"""Executing one step of any kind in memory, by the machinery that validates plans.
+"""Executes one step of any kind in memory, with the code that validates plans.
 
-The world of the task goes through the states of the step: before it, after its start, while its
-numbers change, after its end. `operators` needs none of this for steps that it grounds.
+The world of the task takes the states of the step: before it, after its start, while its numbers
+change, after its end. `operators` needs none of this for the steps that it grounds.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from .world import FluentRow
 
 
 class Durations(NamedTuple):
-    """The durations that the constraints of a step admit in a state.
+    """The durations that the constraints of a step allow in a state.
 
     Attributes:
         least: the shortest.
@@ -46,7 +46,7 @@ class StepRun:
         self._refuse(misfits(task.definitions, step))
 
     def finish(self, at: At) -> At:
-        """Return what the step makes of a state, as `durative.apply` writes it."""
+        """Return the state after the step, as `durative.apply` writes it."""
         start, at = self.begin(at)
         if not self._action.is_durative:
             return at
@@ -62,7 +62,7 @@ class StepRun:
         return self._happen(end, at)
 
     def begin(self, at: At) -> tuple[Snap, At]:
-        """Return the step as it starts, and the state after that; or refuse it."""
+        """Return the start of the step, and the state after it; or refuse the step."""
         task, step, action = self._task, self._step, self._action
         time, duration = None, None
         if action.is_durative:
@@ -83,7 +83,7 @@ class StepRun:
         return snap, after
 
     def durations(self, at: At) -> Durations:
-        """Return the admissible durations; refuse a step that has none."""
+        """Return the allowed durations; refuse a step that has none."""
         self._task.go(at)
         least, most = Decimal(0), None
         for operator, quantity, needs in limits_of(self._action):
@@ -108,7 +108,7 @@ class StepRun:
             raise not_applicable(self._step, failed)
 
     def _duration(self, at: At) -> Decimal | None:
-        """Return the duration that is given or fixed; None if none matters."""
+        """Return the given or fixed duration; None if it does not matter."""
         given, limits = self._step.duration, self._action.constraints(AT_START)
         if given is None and any(each.operator == "=" for each in limits):
             return self.durations(at).least
@@ -139,7 +139,7 @@ class StepRun:
 def listed(
     task: GroundedTask, action: PreparedAction, at: At
 ) -> Iterator[tuple[tuple[int, ...], PlanStep]]:
-    """Yield the durative steps that can begin, each of the shortest duration, with their order."""
+    """Yield the durative steps that can begin, each with its shortest duration and its order."""
     if not is_executable(action):
         return
     compiler, condition = task.compiler(action), action.condition(AT_START)

@@ -1,4 +1,4 @@
-"""Steps that callers name, and the actions that they are, prepared for one state."""
+"""Steps as callers give them, and their actions, prepared for one state."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ Step = str | PlanStep | Execution | UpActionInstance
 
 # A step with its start and its duration, as in a plan.
 _TIMES = re.compile(r"^\s*(?:[\d.]+\s*:)?\s*(\(.*\)|[^\[\]]*?)\s*(?:\[\s*([\d.]+)\s*\])?\s*$", re.S)
-# The time of effects that last as long as their step.
+# The time of effects that last as long as the step.
 CONTINUOUS = "continuously"
 _DURATION = f.Variable(f.DURATION)
 _LASTING = r.Parameter(f.DURATION)
@@ -56,7 +56,7 @@ _TIME = r.Parameter("#t")
 
 @dataclass(frozen=True)
 class GroundStep:
-    """An action with objects for its parameters, and the recorded execution that it is, if any."""
+    """An action with objects for its parameters, and its recorded execution, if any."""
 
     action: PreparedAction
     ids: tuple[int, ...]
@@ -79,30 +79,30 @@ class GroundStep:
 
     @cached_property
     def misfits(self) -> list[FailedCondition]:
-        """Which of its objects do not fit the parameters, by the definitions of its action."""
+        """The objects that do not fit their parameters, by the definition of the action."""
         return misfits(self.action.definitions, self)
 
 
 @dataclass(frozen=True)
 class EffectItem:
-    """One effect of an action, without structure."""
+    """One effect of an action, flattened."""
 
     operator: str  # `add`, `delete`, or that of an assignment
     head: int  # the id of the predicate or the function
     terms: tuple[r.Place, ...]
     value: r.Quantity | r.Place | None  # the assigned number or object
-    bound: tuple[r.Bound, ...]  # the variables that it is for
+    bound: tuple[r.Bound, ...]  # the variables that it ranges over
     condition: r.Part  # what must hold right before the effect
     earlier: r.Part  # what must have held at the start of a durative action
-    # Holds where an object fluent in its terms or its value has no value; for the variables of
+    # Holds if an object fluent in its terms or its value has no value, over the variables of
     # `around`.
     lacking: r.Part
     around: tuple[r.Bound, ...]  # the variables that quantifiers bind
-    node: f.Node | None = None  # the effect as it is written
+    node: f.Node | None = None  # the effect as in the action
 
     @cached_property
     def is_certain(self) -> bool:
-        """Whether it happens once, whatever holds."""
+        """Whether it happens exactly once, in any state."""
         return not self.bound and self.condition == r.AllOf(()) == self.earlier
 
     @cached_property
@@ -112,7 +112,7 @@ class EffectItem:
 
     @cached_property
     def numbers(self) -> list[r.NumberOf]:
-        """The fluents that its number is calculated from."""
+        """The fluents that its number depends on."""
         if self.value is None or isinstance(self.value, r.Slot | r.Known):
             return []
         found = (each for each in r.parts_of(self.value) if isinstance(each, r.NumberOf))
@@ -120,25 +120,25 @@ class EffectItem:
 
 
 class PreparedAction:
-    """An action whose names are resolved: conditions and effects by their times."""
+    """An action with resolved names: conditions and effects by their times."""
 
     def __init__(self, definitions: Definitions, node: Action, id_: int | None = None) -> None:
         self.node = node
         self.definitions = definitions
-        self.id = id_  # that of its definition; None in a document
+        self.id = id_  # the id of its definition; None in a document
         self.name = node.name
         self.is_durative = node.kind == DURATIVE_ACTION  # whether it has a duration
         self.variables = node.parameters
         self.numbers = count()  # gives the numbers of new variables
-        # Resolves names, those of parameters included.
+        # Resolves names, including those of parameters.
         self.resolver = r.Resolver(definitions, self.numbers)
         self.parameters = self.resolver.variables(self.variables)  # the variables of its parameters
-        # The place of each of these among them, by its number.
+        # The position of each parameter, by the number of its variable.
         self.positions = {each.slot.number: n for n, each in enumerate(self.parameters)}
         self._kept: dict[Hashable, Any] = {}
 
     def kept(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what is made of it once, such as a statement."""
+        """Return something that is made once for this action, such as a statement."""
         found: T | None = self._kept.get(key)
         if found is None:
             found = self._kept[key] = make()
@@ -153,29 +153,29 @@ class PreparedAction:
         )
 
     def nodes(self, time: str) -> list[f.Formula]:
-        """Return the hard conditions of a time; by default they are at the start."""
+        """Return the hard conditions at a time; untimed ones are at the start."""
         wanted = time if self.is_durative else None
         found = [of_time(node, wanted, self._default) for node in self.node.condition]
         return [node for node in found if node is not None]
 
     @property
     def _default(self) -> str | None:
-        """The time of what has none."""
+        """The time of untimed conditions and effects."""
         return f.AT_START if self.is_durative else None
 
     def preferences(self, time: str) -> Iterator[Preferred]:
-        """Yield the preferences among the conditions of a time."""
+        """Yield the preferences among the conditions at a time."""
         for node in self.node.condition:
             yield from preferred(node, time if self.is_durative else None, self._default)
 
     def constraints(self, time: str) -> list[f.Comparison]:
-        """Return the constraints on the duration at a time; by default they are at the start."""
+        """Return the constraints on the duration at a time; untimed ones are at the start."""
         nodes = [of_time(node, time, f.AT_START) for node in self.node.duration]
         parts = (part for node in nodes if node is not None for part in flatten(node))
         return [part for part in parts if isinstance(part, f.Comparison)]
 
     def condition(self, time: str) -> r.Part:
-        """Return the conjunction of the hard conditions of a time."""
+        """Return the conjunction of the hard conditions at a time."""
         return self.kept(("condition", time), lambda: self._condition(time))
 
     def _condition(self, time: str) -> r.Part:
@@ -190,7 +190,7 @@ class PreparedAction:
         return any(node == _DURATION or isinstance(node, f.ContinuousTime) for node in parts)
 
     def items(self, time: str) -> tuple[EffectItem, ...]:
-        """Return the effects of a time; a continuous one is its rate times the duration."""
+        """Return the effects at a time; a continuous one is its rate times the duration."""
         return self.kept(("items", time), lambda: tuple(self._effects(time)))
 
     def _effects(self, time: str) -> Iterator[EffectItem]:
@@ -218,7 +218,7 @@ class PreparedAction:
                 yield from self._single(node, around, time)
 
     def _single(self, node: f.Node, around: _Around, time: str | None) -> Iterator[EffectItem]:
-        """Yield the effect of a node without parts that happen at other times."""
+        """Yield the effect of a node whose parts all happen at one time."""
         if time == CONTINUOUS and isinstance(node, f.When):
             for part in f.walk(node.effect):
                 if isinstance(part, f.Assign) and _is_continuous(part):
@@ -277,7 +277,7 @@ class PreparedAction:
 
 @dataclass(frozen=True)
 class _Around:
-    """What is around an effect: variables, conditions, and conditions at the start."""
+    """The variables, conditions, and conditions at the start around an effect."""
 
     bound: tuple[r.Bound, ...]
     condition: r.Part
@@ -306,7 +306,7 @@ class _Around:
 
 
 def _is_continuous(node: f.Node) -> bool:
-    """Return whether an effect changes a number while time passes."""
+    """Return whether an effect changes a number continuously."""
     return isinstance(node, f.Assign) and f.mentions(f.ContinuousTime, node.value)
 
 
@@ -339,14 +339,14 @@ def _rate(quantity: r.Quantity) -> r.Quantity | None:
 
 
 def _has_effect(effect: f.Formula, time: str | None) -> bool:
-    """Return whether something of an effect happens at a time."""
+    """Return whether a part of an effect happens at a time."""
     if time is None:
         return True
     return any(isinstance(node, f.Timed) and node.time == time for node in f.walk(effect))
 
 
 def of_time(node: f.Formula, time: str | None, default: str | None = None) -> f.Formula | None:
-    """Return what of a condition belongs to a time, by default another; None without any."""
+    """Return the part of a condition at a time; untimed parts have the default one. Or None."""
     match node:
         case f.Preference():
             return None
@@ -363,7 +363,7 @@ def of_time(node: f.Formula, time: str | None, default: str | None = None) -> f.
 
 
 class Preferred(NamedTuple):
-    """A preference, with the variables that it is for."""
+    """A preference, with the variables around it."""
 
     name: str | None
     variables: tuple[f.TypedName, ...]
@@ -376,7 +376,7 @@ def preferred(
     default: str | None = None,
     around: tuple[f.TypedName, ...] = (),
 ) -> Iterator[Preferred]:
-    """Yield the preferences within a condition that belong to a time."""
+    """Yield the preferences within a condition at a time."""
     match node:
         case f.And(formulas):
             for inner in formulas:
@@ -390,7 +390,7 @@ def preferred(
 
 
 def prepared(definitions: Definitions, definition: ActionDefinition) -> PreparedAction:
-    """Return a prepared action, which is kept with the state."""
+    """Return a prepared action; the definitions keep it."""
     key = (PreparedAction, definition.id)
     found: PreparedAction | None = definitions.derived.get(key)
     if found is None:
@@ -400,7 +400,7 @@ def prepared(definitions: Definitions, definition: ActionDefinition) -> Prepared
 
 
 def executable(definitions: Definitions) -> Iterator[ActionDefinition]:
-    """Yield the actions that can be steps: processes and events are not."""
+    """Yield the actions that can be steps: not processes and events."""
     return (each for each in definitions.actions if each.kind in EXECUTABLE)
 
 
@@ -417,7 +417,7 @@ def find_action(definitions: Definitions, name: str) -> ActionDefinition:
     return found
 
 
-# The texts of steps that are kept with the definitions that they were read by.
+# The number of texts of steps to keep with the definitions that they were read with.
 KEPT_STEPS = 1_000
 
 
@@ -425,7 +425,7 @@ def ground(definitions: Definitions, step: object) -> GroundStep:
     """Find the action and the objects of a step; whether they fit is checked later."""
     if not isinstance(step, str):
         return _ground(definitions, step)
-    # Robots repeat their steps; to read one took an eighth of `apply`.
+    # Robots repeat their steps; reading one took an eighth of `apply`.
     kept: dict[str, GroundStep] = definitions.derived.setdefault(GroundStep, {})
     found = kept.get(step)
     if found is None:
@@ -438,7 +438,7 @@ def ground(definitions: Definitions, step: object) -> GroundStep:
 def _ground(definitions: Definitions, step: object) -> GroundStep:
     name, arguments, duration, recorded = _given(definitions, step)
     action = prepared(definitions, find_action(definitions, name))
-    # Planners write durations of instantaneous steps, too; whoever types one expects it to count.
+    # Planners also write durations of instantaneous steps; a user who types one means it.
     if isinstance(step, str) and duration is not None and not action.is_durative:
         raise PlanError(
             f"{action.name!r} is an action without duration, but [{duration:f}] is given; leave "
@@ -466,7 +466,7 @@ def _given(definitions: Definitions, step: object) -> _Given:
         objects = [one for one in map(definitions.objects.named, words) if one is not None]
         is_plain = step[:1] == "(" and step[-1:] == ")" and len(objects) == len(words)
         if known is not None and is_plain:
-            # As most steps are: the reader has nothing to refuse.
+            # The usual case: the reader would find no error.
             return known.name, [one.name for one in objects], None, None
         match = _TIMES.match(step)
         text, duration = (step, None) if match is None else match.groups()
@@ -483,7 +483,7 @@ def _given(definitions: Definitions, step: object) -> _Given:
 
 
 def read_plan_step(step: object) -> PlanStep:
-    """Read a step of a plan, whatever it names."""
+    """Read a step of a plan, without resolving its names."""
     if isinstance(step, PlanStep):
         return step
     if isinstance(step, Execution):
@@ -508,7 +508,7 @@ def _of_unified_planning(step: object) -> PlanStep:
 
 
 def misfits(definitions: Definitions, step: GroundStep) -> list[FailedCondition]:
-    """Return which objects do not fit the parameters of a step."""
+    """Return the objects that do not fit the parameters of a step."""
     found = []
     live = definitions.types.live
     for variable, bound, id_ in zip(

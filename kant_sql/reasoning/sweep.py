@@ -1,9 +1,9 @@
-"""What is asked of the past: the names of a condition, and the states of a range of revisions.
+"""Questions about the past: the names of a condition, and the states of a range of revisions.
 
-A condition or a rule is read with the names of the latest state that has all of them. Of the states
-only what is mentioned is kept, and only revisions that touch it are visited: facts that the atoms
-match, values of the fluents, and the definitions of what is named. Where a quantifier or a free
-variable ranges over objects, all objects are.
+A condition or a rule is read with the names of the latest state that has all of them. Only relevant
+parts of states are kept, and only revisions that touch them are visited: facts that the atoms
+match, values of the fluents, and the definitions of mentioned elements. If a quantifier or a free
+variable ranges over objects, all objects are relevant.
 """
 
 from __future__ import annotations
@@ -56,13 +56,13 @@ Read = Callable[[SymbolTable], ReadCondition]
 class PastQuestion(NamedTuple):
     """A condition, and the definitions with which it was read."""
 
-    formula: f.Formula  # the condition; variables that are bound by the caller are objects
+    formula: f.Formula  # the condition, with objects for the variables that the caller binds
     free: tuple[f.TypedName, ...]  # its free variables; `object` where nothing declares a type
-    unbound: ReadCondition  # the condition as it was given, with all its free variables
+    unbound: ReadCondition  # the condition as given, with all its free variables
     objects: tuple[f.Constant, ...]  # the objects that the caller bound variables to
-    definitions: Definitions  # those of the latest state in which all names had a meaning
-    # Reads it again with the names of another state; raises `InvalidKnowledgeError` where it has no
-    # meaning.
+    definitions: Definitions  # those of the latest state that has all names
+    # Reads it again with the names of another state; raises `InvalidKnowledgeError` if it has no
+    # meaning there.
     read: Read
 
     @property
@@ -100,7 +100,7 @@ def ask(
 
 
 def names_of(bindings: Mapping[str, Any]) -> dict[str, str]:
-    """Return the names of the objects that variables are bound to."""
+    """Return the names of the objects for the bound variables."""
     names = {}
     for variable, value in bindings.items():
         name = value.name if isinstance(value, PddlObjectDto) else value
@@ -115,7 +115,7 @@ def names_of(bindings: Mapping[str, Any]) -> dict[str, str]:
 def with_objects(
     found: ReadCondition, objects: Mapping[str, str], symbols: SymbolTable
 ) -> ReadCondition:
-    """Put objects in the place of some free variables."""
+    """Replace some free variables by objects."""
     free = {fold(variable.name): variable for variable in found.free}
     binding: dict[str, str] = {}
     for name, given in objects.items():
@@ -129,7 +129,7 @@ def with_objects(
 
 
 def _fitting(name: str, variable: f.TypedName, symbols: SymbolTable) -> str:
-    """Return the declared spelling of an object that a variable can be."""
+    """Return the declared spelling of an object that fits a variable."""
     entity = symbols.object(name)
     if entity is None:
         known = hint(name, list(symbols.object_names()))
@@ -145,7 +145,7 @@ def _fitting(name: str, variable: f.TypedName, symbols: SymbolTable) -> str:
 def read_at_last(
     store: Store, text: str, read: Callable[[SymbolTable], T], upto: int | None
 ) -> tuple[T, Definitions]:
-    """Read a text with the names of the latest state that has all; else raise as the last one."""
+    """Read a text with the names of the latest state that has all; or raise as in the last."""
     definitions = store.read_definitions(lambda known: known, upto)
     try:
         return read(symbols_of(definitions)), definitions
@@ -159,7 +159,7 @@ def read_at_last(
 
 
 def _earlier(store: Store, text: str, high: int) -> Iterator[Definitions]:
-    """Yield the definitions of the last revisions at which names of a text had a meaning."""
+    """Yield the definitions of the last revisions in which names of a text had a meaning."""
     words = sorted({fold(word) for word in _WORD.findall(text) if is_word(word)})
 
     def work(session: Session, kb_id: int) -> list[int]:
@@ -175,13 +175,13 @@ RULE = re.compile(r"\(:derived \(([^\s()]+)")
 
 
 def revision_text(revision: Revision) -> str:
-    """Write the number of a revision, and when it was committed, by whom and why."""
+    """Write a revision: its number, time, actor and reason."""
     said = revision.committed_at.isoformat(timespec="seconds"), *revision.said()
     return f"{revision.number} ({', '.join(said)})"
 
 
 class Range(NamedTuple):
-    """A range of revisions, and the last one whose ended versions are archived: not after `low`."""
+    """A range of revisions, and the last revision with archived versions: not after `low`."""
 
     low: int
     high: int
@@ -189,24 +189,24 @@ class Range(NamedTuple):
 
 
 def read_range(session: Session, kb_id: int, bounds: Bounds) -> Range:
-    """Return a range; refuse one of which a part was archived."""
+    """Return a range; refuse one with an archived part."""
     archived = read_position(session, kb_id).archived
     refuse_archived(session, kb_id, min(bounds.low, bounds.high), archived)
     return Range(bounds.low, bounds.high, archived)
 
 
 class Visit(NamedTuple):
-    """A state that is visited."""
+    """A visited state."""
 
-    revision: int  # its revision; that before the range in the first state, if there is one
-    world: World  # the state, as far as it matters; the same object while definitions stay
-    definitions: Definitions  # what is defined in it
+    revision: int  # its revision; for the first state, the one before the range, if there is one
+    world: World  # the relevant parts of the state; the same object while definitions stay
+    definitions: Definitions  # the definitions in it
 
 
 class Sweep:
-    """Visits the states of a range in which something changed that formulas mention."""
+    """Visits the states of a range in which a change touches some formulas."""
 
-    # What the last step changed: predicates and functions, by their facts and values, or the rest.
+    # The last step's changes: predicates and functions, by their facts and values, or the rest.
     touched: set[tuple[bool, int]]
     is_redefined: bool
     _world: World
@@ -222,7 +222,7 @@ class Sweep:
         ranges: bool,
         before: Sweep | None = None,
     ) -> None:
-        """Find out what matters; `ranges` if variables range over objects beside quantifiers."""
+        """Find the relevant elements; `ranges` if not only quantifiers range over objects."""
         self._session = session
         self._kb_id = kb_id
         self._range = span
@@ -232,7 +232,7 @@ class Sweep:
         facts, values = self._patterns_found = self._patterns(formulas)
         nodes = [*f.walk(*formulas)]
         has_rules = self._has_derived(nodes)
-        # It ended where the range begins, so that its state need not be read again.
+        # It ended where the range begins, so its state need not be read again.
         self._before = before
         self._subjects = subjects_of(session, kb_id, facts, values, span.low, span.high)
         ranges = (
@@ -251,7 +251,7 @@ class Sweep:
         )
 
     def owners_of(self, formulas: Sequence[f.Node]) -> set[tuple[bool, int]]:
-        """Return the predicates, and the functions, that some formulas depend on."""
+        """Return the predicates and functions that some formulas depend on."""
         facts, values = self._patterns(formulas)
         return {(True, one.owner) for one in facts} | {(False, one.owner) for one in values}
 
@@ -261,7 +261,7 @@ class Sweep:
         )
 
     def _patterns(self, formulas: Sequence[f.Node]) -> tuple[list[Pattern], list[Pattern]]:
-        """Return the facts and values that formulas may be about."""
+        """Return the patterns of facts and values that may matter to formulas."""
         definitions, nodes = self._given, [*f.walk(*formulas)]
         facts: list[Pattern] = []
         values: list[Pattern] = []
@@ -282,18 +282,18 @@ class Sweep:
 
     @cached_property
     def _of_rules(self) -> tuple[list[Pattern], list[Pattern]]:
-        """All facts and values of what any rule names."""
+        """All facts and values of the names in any rule."""
         words = {fold(word) for rule in self._rules for word in _WORD.findall(rule)}
         found: list[list[Pattern]] = []
         for kind in ("predicate", "function"):
             identities = find_identities(self._session, self._kb_id, kind, words)
             known = [identity for identity in identities.values() if identity is not None]
-            # Any objects: only a pattern of none would be a fact without arguments.
+            # With any objects: an empty pattern would mean a fact without arguments.
             found.append([Pattern(id_, (None,)) for id_, _ in known])
         return found[0], found[1]
 
     def begin(self) -> Visit | None:
-        """Read the state before the range, or that of its first revision if others are archived."""
+        """Read the state before the range, or in its first revision if that state is archived."""
         session, kb_id, (low, high, archived) = self._session, self._kb_id, self._range
         base = low if low == archived else low - 1
         self._redefined = self._read_redefined(base)
@@ -317,14 +317,14 @@ class Sweep:
         return Visit(low - 1, self._world, self._definitions) if base else None
 
     def _read_redefined(self, base: int) -> list[int]:
-        """Read where definitions that matter changed, in the range and up to the given ones."""
+        """Read the revisions that changed relevant definitions, up to those of the given ones."""
         high, given = self._range.high, self._given.revision
         low, high = (base, high) if given is None else (min(base, given), max(high, given))
         return read_redefinitions(self._session, self._kb_id, self._meaning, low, high)
 
     def _given_at(self, revision: int) -> Definitions | None:
-        """Return the given definitions if all that matters was defined alike at a revision."""
-        # Those of another revision take long to read when thousands of objects are defined.
+        """Return the given definitions if all relevant ones were the same at a revision."""
+        # Reading those of another revision takes long with thousands of objects.
         given, redefined = self._given, self._redefined
         if given.revision is None:
             return None
@@ -360,7 +360,7 @@ class Sweep:
         return Visit(revision, self._world, self._definitions)
 
     def visits(self) -> Iterator[Visit]:
-        """Yield the states, first that before the range; each is gone when the next one comes."""
+        """Yield the states, the one before the range first; each is valid until the next one."""
         first = self.begin()
         if first is not None:
             yield first

@@ -1,4 +1,4 @@
-"""Trajectory constraints of PDDL 3.0, judged while the states of a trajectory go by.
+"""Trajectory constraints of PDDL 3.0, judged while the states of a trajectory pass by.
 
 A trajectory is a sequence of states with times. The semantics is that of Gerevini, Haslum, Long,
 Saetti and Dimopoulos, Deterministic planning in the fifth international planning competition:
@@ -21,10 +21,10 @@ For states S0, S1 ... Sn at times t0 <= t1 ... <= tn:
 `forall` around a preference makes one preference for each object; `forall` and `and` inside one
 belong to it. Modal operators do not nest, and `or`, `not` and `imply` do not contain them.
 
-A monitor keeps the same few values however long the trajectory is. VAL deviates:
-- it takes the time of `hold-after` for 0, which makes it `always`;
-- it judges a window of `hold-during` by the first state inside it alone, by the state before a
-  happening where an invariant is checked at that time, and not at all if no state is inside it;
+A monitor keeps the same few values, however long the trajectory is. VAL deviates:
+- it treats the time of `hold-after` as 0, which makes it `always`;
+- it judges a window of `hold-during` only by the first state inside it, by the state before a
+  happening if an invariant is checked at that time, and not at all if no state is inside it;
 - it counts `(preference p (and ...))` once for each violated conjunct.
 """
 
@@ -56,19 +56,19 @@ class Moment:
 
 
 class Monitor(ABC):
-    """Judges one modal formula; a violation is final, whatever state follows."""
+    """Judges one modal formula; a violation is final, whatever states follow."""
 
     def __init__(self, formula: f.Modal | f.Timed, binding: Binding) -> None:
         self.formula = formula
         self.binding = binding
         self.violation: Moment | None = None
-        self.last: Moment | None = None  # the last state that it judged
+        self.last: Moment | None = None  # the last judged state
         self.inner = formula.formulas if isinstance(formula, f.Modal) else (formula.formula,)
         self._first, self._second = self.inner[0], self.inner[-1]
         self._times = [one.value for one in getattr(formula, "numbers", ())]
 
     def observe(self, now: Moment, holds: Truth) -> None:
-        """Judge the next state, which `holds` gives access to."""
+        """Judge the next state, by `holds`."""
         self.last = now
         if self.violation is None:
             self._judge(now, holds)
@@ -77,12 +77,12 @@ class Monitor(ABC):
     def _judge(self, now: Moment, holds: Truth) -> None: ...
 
     def open(self) -> Moment | None:
-        """Return which state violates it if no other follows the last one; None if none does."""
+        """Return the state that violates it if the last one is the end; None if none does."""
         return None
 
     @property
     def key(self) -> tuple[str, tuple[str, ...]]:
-        """What it judges, whatever world it was made in."""
+        """Its identity, in any world."""
         names = (f"{fold(name)} {value}" for name, value in self.binding.items())
         return fold(str(self.formula)), tuple(sorted(names))
 
@@ -134,7 +134,7 @@ class _AtMostOnce(Monitor):
 
 
 class _SometimeAfter(Monitor):
-    # The first state that waits for the second formula.
+    # The first state that still waits for the second formula.
     _waiting: Moment | None = None
 
     def _judge(self, now: Moment, holds: Truth) -> None:
@@ -232,7 +232,7 @@ class Rule:
 
     @property
     def is_open(self) -> bool:
-        """Whether it is violated unless a later state makes it good."""
+        """Whether it is violated unless a later state fulfils it."""
         return self.violation is None and any(one.open() is not None for one in self.monitors)
 
     @property
@@ -241,7 +241,7 @@ class Rule:
         return tuple([one for one in self.monitors if one.violation is not None])
 
     def meet(self, other: Rule) -> list[Monitor]:
-        """Take what the same rule in another world adds; return the monitors that count there."""
+        """Add the monitors of the same rule in another world; return those that count there."""
         if not self.is_soft:
             return self.monitors
         # A quantifier within a preference has a monitor for each object of the world.
@@ -255,7 +255,7 @@ class Rule:
 
 
 class Trajectory:
-    """Judges constraints while states are observed; `objects` are those of a variable's types."""
+    """Judges constraints as states are observed; `objects` returns those of a variable's types."""
 
     def __init__(self, constraints: Iterable[f.Formula], objects: Range) -> None:
         """Create the monitors."""
@@ -275,12 +275,12 @@ class Trajectory:
             monitor.conclude()
 
     def violated(self) -> list[Rule]:
-        """Return the rules that are violated so far."""
+        """Return the rules that have been violated so far."""
         return [rule for rule in self.rules if rule.violation is not None]
 
 
 def rules_of(constraint: f.Formula, objects: Range) -> Iterator[Rule]:
-    """Yield the rules of a constraint, which has quantifiers and preferences around."""
+    """Yield the rules of a constraint, whose quantifiers and preferences are outermost."""
     for part, binding in _parts(constraint, {}, objects):
         if isinstance(part, f.Preference):
             inner = _parts(part.formula, binding, objects)
@@ -293,7 +293,7 @@ def rules_of(constraint: f.Formula, objects: Range) -> Iterator[Rule]:
 def _parts(
     constraint: f.Formula, binding: Binding, objects: Range
 ) -> Iterator[tuple[f.Formula, Binding]]:
-    """Yield what conjunctions and universal quantifiers consist of, in order."""
+    """Yield the parts of conjunctions and universal quantifiers, in order."""
     if isinstance(constraint, f.And):
         for part in constraint.formulas:
             yield from _parts(part, binding, objects)

@@ -1,11 +1,11 @@
-"""Which literals the truth of a condition rests on, in a state in memory.
+"""The literals on which the truth of a condition depends, in a state in memory.
 
-A literal is used if it stands in an instance of the condition and every part around it, up to the
-condition, has the truth value by which it counts: all parts of a conjunction that holds and those
-that fail of one that does not, the parts of a disjunction that hold, each object for which a
-quantified part counts. Atoms of derived predicates are followed through all instances of their
-rules, also where several derive one fact. A state in which all used literals are the same satisfies
-the condition, whatever else differs.
+A literal is used if it is in an instance of the condition and every part around it, up to the
+condition, has the truth value by which it counts: all parts of a true conjunction and the false
+parts of a false one, the true parts of a disjunction, each object for which a quantified part
+counts. Atoms of derived predicates are followed through all instances of their rules, even if
+several derive one fact. Any state with the same used literals satisfies the condition, whatever
+else differs.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Literal(NamedTuple):
 
 
 def parts_used(action: PreparedAction, time: str) -> list[r.Part]:
-    """Return the conditions of a time, and of its effects, with the numbers that these read."""
+    """Return the conditions at a time, and of its effects, with the numbers that these read."""
     return action.kept(("parts used", time), lambda: list(_parts_used(action, time)))
 
 
@@ -53,7 +53,7 @@ def _parts_used(action: PreparedAction, time: str) -> Iterator[r.Part]:
     for item in items:
         part = item.condition
         if item.numbers:
-            # It holds if the fluents have values.
+            # This holds if the fluents have values.
             part = r.all_of([part, *(r.Compares("=", one, one) for one in item.numbers)])
         if part != r.TRUE:
             yield r.Witness(item.bound, part) if item.bound else part
@@ -63,18 +63,18 @@ Given = Mapping[r.Place, int | None]
 
 
 class RuleUse(NamedTuple):
-    """A way in which what a rule says of its predicate rests on a literal."""
+    """A way in which a derived fact, or its absence, depends on a literal by one rule."""
 
     predicate: int
     holds: bool  # whether the body of the rule does
     parameters: tuple[r.Slot, ...]  # the objects of the literal
-    row: tuple[r.Place, ...]  # those of the predicate
-    bound: tuple[r.Bound, ...]  # the variables that are neither
-    part: r.Part  # what holds then
+    row: tuple[r.Place, ...]  # the objects of the predicate
+    bound: tuple[r.Bound, ...]  # the other variables
+    part: r.Part  # the condition under which it does
 
 
 def rule_uses(definitions: Definitions) -> Mapping[tuple[bool, int, bool], list[RuleUse]]:
-    """Return how derived facts, or their absence, may rest on each literal, or on atoms that do."""
+    """Return how derived facts, or their absence, may depend on each literal, or derived atom."""
     rules, found = rules_of(definitions), defaultdict[Any, list[RuleUse]](list)
     # A condition may also negate a derived predicate that no rule negates.
     for predicate, holds in product(rules.component, (True, False)):
@@ -84,7 +84,7 @@ def rule_uses(definitions: Definitions) -> Mapping[tuple[bool, int, bool], list[
                 use = _rule_use(rules, (predicate, holds), leaf, own, (*own, *bound), around)
                 head: Any = head_of(leaf)
                 if not head[0]:
-                    # It may have a value or none, wherever it stands.
+                    # It may have a value or not, under a negation or not.
                     found[*head, not leaf_holds].append(use)
                 found[*head, leaf_holds].append(use)
     return found
@@ -93,14 +93,14 @@ def rule_uses(definitions: Definitions) -> Mapping[tuple[bool, int, bool], list[
 def _paths(
     part: r.Part, holds: bool
 ) -> Iterator[tuple[Any, bool, tuple[r.Bound, ...], list[r.Part]]]:
-    """Yield what may be used: whether it holds, variables around it, and what must hold with it."""
+    """Yield leaves that may be used, their truth, the variables around, and the conditions."""
     own = part if holds else r.negate(part)
     match part:
         case r.Lacks(inner):
             yield from _paths(inner, not holds)
         case r.AllOf() | r.OneOf() | r.Witness():
             bound = part.bound if isinstance(part, r.Witness) else ()
-            # One part of a disjunction that holds is enough, and so on.
+            # One true part of a disjunction is enough, one false part of a conjunction likewise.
             needed = [own] if isinstance(part, r.AllOf) == holds else []
             for one in r.inner_parts(part):
                 for leaf, leaf_holds, within, around in _paths(one, holds):
@@ -119,7 +119,7 @@ def _rule_use(
     bound: Sequence[r.Bound],
     around: Sequence[r.Part],
 ) -> RuleUse:
-    """Give the objects of a literal to the variables of a leaf."""
+    """Match the variables of a leaf to the objects of a literal."""
     given = tuple([r.Slot(next(rules.numbers)) for _ in leaf.terms])
     places, conditions, rest = matched(bound, zip(leaf.terms, given, strict=True))
     # A variable of a quantifier may be bound both around the leaf and within a part beside it.
@@ -129,7 +129,7 @@ def _rule_use(
 
 
 def users_of(definitions: Definitions, literal: Literal) -> dict[Any, list[tuple[r.Part, Given]]]:
-    """Return a literal and the atoms that may use it, None for any object; and when they do."""
+    """Return a literal and the atoms that may use it, with conditions; None for any object."""
     uses, pending = definitions.derive(rule_uses), [literal]
     found: dict[Any, list[tuple[r.Part, Given]]] = {literal: []}
     while pending:
@@ -161,7 +161,7 @@ class _Compiled:
                 self.tests[id(inner)] = self.compiler.test(inner)
 
 
-# A derived atom that is still to be followed: predicate, objects, and whether it holds.
+# A derived atom to follow: predicate, objects, and whether it holds.
 _Pending = list[tuple[int, Row, bool]]
 
 
@@ -170,7 +170,7 @@ class Uses:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        # With the parts: an id is used again once its object is gone.
+        # Keeps the parts, too: an id could be reused once its object is gone.
         self._compiled: dict[int, _Compiled] = {}
         self._bodies: dict[int, list[tuple[_Compiled, tuple[r.Bound, ...]]]] = {}
         self._users: dict[int, Callable[[Row], set[Row]]] = {}
@@ -190,7 +190,7 @@ class Uses:
                             yield user
 
     def _rows(self, use: RuleUse) -> Callable[[Row], set[Row]]:
-        """Return what finds the objects of the predicate by those of the literal."""
+        """Return a function from the objects of a literal to those of the predicate."""
         found = self._users.get(id(use))
         if found is None:
             compiler = Compiler(self._world, use.parameters)
@@ -207,7 +207,7 @@ class Uses:
         arguments: Row = (),
         duration: Decimal | None = None,
     ) -> Iterator[Literal]:
-        """Yield what a part uses; of a conjunction that fails, what its parts that hold use."""
+        """Yield the literals that a part uses; for a false conjunction, those of its true parts."""
         compiled = self._compile(part, parameters)
         env = compiled.compiler.env(arguments, duration)
         pending: _Pending = []
@@ -235,7 +235,7 @@ class Uses:
         return found
 
     def _rules(self, predicate: int) -> list[tuple[_Compiled, tuple[r.Bound, ...]]]:
-        """Return the bodies of the rules of a predicate, with what fits their parameters."""
+        """Return the bodies of the rules of a predicate, with the types of their parameters."""
         found = self._bodies.get(predicate)
         if found is None:
             definitions, found = self._world.definitions, []
@@ -249,7 +249,7 @@ class Uses:
 def _walk(
     compiled: _Compiled, part: r.Part, env: Env, holds: bool, pending: _Pending
 ) -> Iterator[Literal]:
-    """Yield the literals by which a part holds, or fails; note atoms that rules may derive."""
+    """Yield the literals by which a part holds or fails; collect atoms that rules may derive."""
     match part:
         case r.Lacks(inner):
             yield from _walk(compiled, inner, env, not holds, pending)
@@ -258,7 +258,7 @@ def _walk(
                 if compiled.tests[id(one)](env) == holds:
                     yield from _walk(compiled, one, env, holds, pending)
         case r.Witness(bound, inner):
-            # Inner searches set places of the environment, too.
+            # Inner searches also change the environment.
             members = compiled.compiler.world.members
             every = product(*(members(one.types) for one in bound))
             places = [compiled.compiler.at(one.slot) for one in bound]
@@ -274,7 +274,7 @@ def _walk(
 def _leaf(
     compiled: _Compiled, part: r.Part, env: Env, holds: bool, pending: _Pending
 ) -> Iterator[Literal]:
-    """Yield the literals of a part without parts."""
+    """Yield the literals of a leaf."""
     for one in r.parts_of(part):
         if not isinstance(one, r.HoldsFact | r.NumberOf | r.FluentIs):
             continue

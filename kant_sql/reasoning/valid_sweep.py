@@ -1,7 +1,7 @@
 """The states of a range of valid times, as known at a revision.
 
-A position on the valid clock is one number: a time, and the revision that said what changes then.
-At one time, what earlier revisions said changes first; only the last of such states lasts.
+A position on the valid clock is one number: a time, and the revision that stated the change. At one
+time, the statements of earlier revisions come first; only the last of such states lasts.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from .sweep import Range, Sweep, Visit, moved, read_range
 
 _MICROSECOND = timedelta(microseconds=1)
 _REVISIONS = 64
-# After each position.
+# Later than every position.
 ENDLESS = 1 << 128
 
 
@@ -51,21 +51,21 @@ def is_same_time(one: int, other: int) -> bool:
 
 
 class ValidPast(NamedTuple):
-    """A range of valid times, and what was defined in it."""
+    """A range of valid times, and the definitions in it."""
 
     span: ValidRange
-    # All types, objects, predicates and functions that were known in it, as they were last defined;
-    # the rest as it is known.
+    # All types, objects, predicates and functions that were known in it, by their last definitions;
+    # other elements as known.
     definitions: Definitions
-    lost: Sequence[Lost]  # those of them that have ended since, in order
-    # Whether some of them were defined otherwise, so that what was said does not fit: then it is
+    lost: Sequence[Lost]  # the ones that have ended since, in order
+    # Whether some have had other definitions, so statements may not fit: those that do not are
     # not true.
     is_redefined: bool = False
 
     def read(
         self, session: Session, kb_id: int, which: Subjects
     ) -> tuple[list[Touch], Iterator[tuple[Instant, Touch]]]:
-        """Read what was true right before the range and what changed in it, as far as it fits."""
+        """Read the statements right before the range, and the changes in it, as far as they fit."""
         state, changes = read_valid(session, kb_id, which, self.span)
         if not self.is_redefined:
             return state, changes
@@ -74,7 +74,7 @@ class ValidPast(NamedTuple):
 
 
 def read_past(store: Store, span: ValidRange) -> ValidPast:
-    """Read what was defined in a range; refuse one of which a part was archived."""
+    """Read the definitions in a range; refuse a range with an archived part."""
     definitions = store.read_definitions(lambda known: known, span.known)
 
     def work(session: Session, kb_id: int) -> ValidPast:
@@ -89,13 +89,13 @@ def read_past(store: Store, span: ValidRange) -> ValidPast:
 
 
 def check_range(session: Session, kb_id: int, span: ValidRange) -> None:
-    """Refuse a range of which a part was archived."""
-    # Before the first revision, too, something may have been said of objects that were moved.
+    """Refuse a range with an archived part."""
+    # Even before the first revision, there may be statements about objects that were moved.
     read_range(session, kb_id, Bounds(span.before + 1, max(1, span.high), 0, span.known))
 
 
 class ValidSweep(Sweep):
-    """Visits the states of a range of valid times in which something changed, by position."""
+    """Visits the states of a range of valid times after each change, by position."""
 
     def __init__(
         self,
@@ -105,7 +105,7 @@ class ValidSweep(Sweep):
         past: ValidPast,
         ranges: bool,
     ) -> None:
-        """Find out what matters, as `Sweep`; rules are those that are known."""
+        """Find the relevant elements, as `Sweep`, but with the known rules."""
         known = past.span.known
         definitions = past.definitions
         super().__init__(session, kb_id, formulas, definitions, Range(known, known, 0), ranges)
@@ -113,7 +113,7 @@ class ValidSweep(Sweep):
 
     @override
     def begin(self) -> Visit:
-        """Read the state right before the range, which is that of nothing at the beginning."""
+        """Read the state right before the range; it is empty before all times."""
         self._definitions, lost = self._past.definitions, self._past.lost
         self._world = world_of(self._definitions)
         span = self._past.span
@@ -163,7 +163,7 @@ Period = tuple[int, int]
 def read_periods(
     session: Session, kb_id: int, which: Subjects, past: ValidPast
 ) -> dict[Key, list[Period]]:
-    """Read when facts were true in a range: from 0 if right before it, up to `ENDLESS` if after."""
+    """Read when facts were true in a range: 0 and `ENDLESS` are before and after it."""
     found: dict[Key, list[Period]] = {}
     state, changes = past.read(session, kb_id, which)
     for touch in state:
@@ -178,7 +178,7 @@ def read_periods(
 
 
 def common(periods: Collection[Sequence[Period]]) -> Iterator[Period]:
-    """Yield where periods of each list overlap; those of one list are in order, and apart."""
+    """Yield the overlaps of periods of all lists; those of one list are in order and disjoint."""
     first, *others = periods
     for other in others:
         first = [*_both(first, other)]

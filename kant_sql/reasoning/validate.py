@@ -1,19 +1,19 @@
-"""Validating plans: executing them in memory from a state.
+"""Validation of plans, by executing them in memory from a state.
 
 A plan is a sequence of happenings: instantaneous steps, starts and ends of durative steps, and
-timed initial literals. Those at most `SIMULTANEOUS` after the first one of a group are at one time,
+timed initial literals. Those at most `SIMULTANEOUS` after the first one of a group share its time,
 and may not interfere. Over all conditions hold from right after the start until right before the
 end (PDDL 2.1, Fox and Long 2003, definition 18). A step without a start time is at 1, 2, 3 ... in
 the order of the plan.
 
 As in VAL, durations may deviate from their constraints by `TOLERANCE`, and timed initial literals
-after the last step happen, too, before the goal is judged. Unlike in VAL, comparisons have no
+after the last step also happen before the goal is judged. Unlike in VAL, comparisons have no
 tolerance (VAL accepts a difference of 0.0001), and an effect such as `increase` on a fluent without
-a value fails (VAL takes it for 0).
+a value fails (VAL treats it as 0).
 
-While fluents change continuously, a comparison changes its value only where its sides, which are
-linear in time, are equal. So an invariant is evaluated at these times and once between each two of
-them, which is exact. Trajectory constraints are judged in the states at happenings.
+While fluents change continuously, a comparison changes its truth value only where its sides, which
+are linear in time, are equal. So an invariant is evaluated at these times, and once between each
+two of them, which is exact. Trajectory constraints are judged in the states at happenings.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class FailedStep:
         time: when it fails, from the start of the plan; for `over all`, the time of the next
             happening.
         phase: `at start`, `over all` or `at end` of a durative step; None for another one.
-        unsatisfied: what does not hold, or why it cannot be executed.
+        unsatisfied: the parts that do not hold, or why it cannot be executed.
     """
 
     _json_ = "position", "*step", "time", "phase", "unsatisfied"
@@ -124,14 +124,13 @@ class Validation:
             violated.
         failed_step: the first step that cannot be executed, with the reasons.
         is_goal_reached: whether the goal holds after the plan.
-        unsatisfied_goals: the parts of the goal that do not hold then; none are named if a step
-            fails.
+        unsatisfied_goals: the parts of the goal that do not hold then; empty if a step fails.
         makespan: the time at which the last step ends; the number of steps in a domain without
             durative actions.
         metric_value: the value of the metric; None without one, without a defined value, or if a
             step fails.
         violated_preferences: how often each preference is violated, by name; those without a name
-            are counted as `anonymous`. None are counted if a step fails.
+            count as `anonymous`. Empty if a step fails.
         violated_constraints: the trajectory constraints that are violated.
     """
 
@@ -171,15 +170,15 @@ def validate(state: State, plan: GivenPlan, *, at: When | None = None) -> Valida
     Sequential and temporal plans are executed as PDDL 2.1 defines (Fox and Long, 2003), with
     timed initial literals, derived predicates, preferences, trajectory constraints and
     continuous change that is linear in time. Durations may deviate from their constraints by
-    0.01, and what is at most 0.001 apart is at one time, as in VAL. Steps without a start time
+    0.01, and happenings at most 0.001 apart share a time, as in VAL. Steps without a start time
     are executed one after another.
 
     Args:
         plan: a plan, its text or path (see `Plan.read`), a list of steps, each as for `kb.apply`,
             or a recorded plan or its id. It is executed from the state chosen here, not from the
-            one that it was made from.
+            state that it was made from.
         at: a revision, given as for `kb.at`; None for the present, or the past state that
-            this is a view of.
+            this view shows.
 
     Returns:
         Whether the plan is valid; if not, the first step that cannot be executed with its
@@ -187,13 +186,13 @@ def validate(state: State, plan: GivenPlan, *, at: When | None = None) -> Valida
         makespan, in the plan's units, the value of the metric, and its violated preferences.
 
     Raises:
-        UnsupportedConstructError: the domain has processes or events, change that is not
-            linear in time, or constraints that PDDL 3.0 gives no meaning.
+        UnsupportedConstructError: the domain has processes or events, nonlinear continuous
+            change, or constraints that PDDL 3.0 gives no meaning.
         UnknownRevisionError: there is no such revision yet, or the time lies in the future or
             has no zone.
         ArchivedError: that state was moved to an archive.
-        PlanError: there is no recorded plan of that id, or a step of the list is no step.
-        PddlError: the text is not that of a plan.
+        PlanError: there is no recorded plan with that id, or an element of the list is no step.
+        PddlError: the text is not a plan.
         InvalidKnowledgeError: `plan` is not a plan, or derived predicates are not stratified.
 
     Examples:
@@ -221,7 +220,7 @@ def validate(state: State, plan: GivenPlan, *, at: When | None = None) -> Valida
 
 
 def read_any_plan(state: State, plan: GivenPlan) -> Plan | RecordedPlan:
-    """Read a plan that a caller gives: itself, its id, its text or path, or its steps."""
+    """Read the plan from a caller's argument: a plan, its id, its text or path, or its steps."""
     if isinstance(plan, Plan | RecordedPlan):
         return plan
     if isinstance(plan, int) and not isinstance(plan, bool):
@@ -243,7 +242,7 @@ def validate_plan(domain: Domain, problem: Problem, plan: Plan | RecordedPlan) -
 
 
 def check_validated(domain: Domain) -> None:
-    """Refuse a domain with what happens by itself."""
+    """Refuse a domain with processes or events."""
     for action in domain.actions:
         if action.kind in (PROCESS, EVENT):
             raise UnsupportedConstructError(
@@ -295,7 +294,7 @@ class PlanExecution:
         self.makespan = Decimal(0)
 
     def run(self) -> Validation:
-        """Execute the plan, and judge what is left."""
+        """Execute the plan, and judge the goals, preferences and constraints."""
         failed = self.execute()
         self.trajectory.conclude()
         constraints = [
@@ -322,7 +321,7 @@ class PlanExecution:
         )
 
     def execute(self) -> FailedStep | None:
-        """Execute the steps; return the first that cannot be executed."""
+        """Execute the steps; return the first one that cannot be executed."""
         self._observe(None)
         for happening in self._happenings():
             time = happening[0].time
@@ -343,7 +342,7 @@ class PlanExecution:
         self.positions.append(position)
         self.trajectory.observe(self.now, self.conditions.holds)
 
-    # What happens when.
+    # Happenings.
 
     def _happenings(self) -> Iterator[list[_Entry]]:
         """Yield groups of entries at one time, in order."""
@@ -375,7 +374,7 @@ class PlanExecution:
                 yield _Entry(start + step.duration, f.AT_END, position)
 
     def _happen(self, entries: Sequence[_Entry]) -> None:
-        """Carry out what happens at one time."""
+        """Execute the entries of one time."""
         literals = [self._literal(one.position) for one in entries if one.is_literal]
         snaps = [self._snap(one) for one in entries if not one.is_literal]
         for snap in snaps:
@@ -396,7 +395,7 @@ class PlanExecution:
         apply_changes(self.world, [*literals, *(snap.changes for snap in snaps)])
 
     def _literal(self, number: int) -> Changes:
-        """Return what a timed initial literal changes."""
+        """Return the changes of a timed initial literal."""
         effect, changes = self.problem.timed[number].effect, Changes()
         if isinstance(effect, f.Assign):
             function, row, value = value_of(self.world, effect.fluent, effect.value)
@@ -408,7 +407,7 @@ class PlanExecution:
         return changes
 
     def _snap(self, entry: _Entry) -> Snap:
-        """Return a step at one of its times."""
+        """Return a step at its start, at its end, or as a whole."""
         step = self.steps[entry.position]
         action = self.actions.get(fold(step.action))
         if action is None:
@@ -445,7 +444,7 @@ class PlanExecution:
                 if found is not None:
                     raise _Failure(snap.position, snap.time, [found])
 
-    # What holds while time passes.
+    # Continuous change and invariants.
 
     def _pass(self, time: Decimal) -> None:
         """Go to the time of the next happening."""

@@ -1,4 +1,4 @@
-"""When conditions held: interval joins of facts, and sweeps over revisions for all else."""
+"""When conditions held: by interval joins of facts, or else by sweeps over revisions."""
 
 from __future__ import annotations
 
@@ -57,19 +57,19 @@ from .sweep import (
 )
 from .world import FluentRow, Row, World
 
-# Periods whose revisions are read together.
+# Periods to read together with their revisions.
 PAGE = 200
 
 
 class Span(NamedTuple):
-    """A period by its numbers."""
+    """A period, by the numbers of its revisions."""
 
     since: int  # the first revision; the one before the range if it held there, too
     objects: tuple[int, ...]  # the ids of the objects of the free variables
     until: int | None  # the first revision after it; None if it held to the end of the range
 
 
-# What periods are sorted by; those of one binding begin apart.
+# Periods are sorted by this; those of one binding begin at different revisions.
 span_order = itemgetter(0, 1)
 
 
@@ -79,9 +79,9 @@ class Held(html.OneRow):
 
     Attributes:
         binding: the objects of the free variables, by the names of the variables.
-        since: the revision that made it hold; None if it held before the range, too.
+        since: the revision that made it hold; None if it already held before the range.
         until: the revision that ended it; None if it still held at the end of the range.
-        since_time: when it began, on the clock that was asked for; None as `since`.
+        since_time: when it began, on the chosen clock; None as `since`.
         until_time: when it ended; None as `until`.
     """
 
@@ -123,8 +123,8 @@ def _end_text(revision: Revision, time: datetime | None) -> str:
 class HeldPeriods(Sequence[Held]):
     """The periods during which a condition held, in the order of their beginnings.
 
-    Those that begin together are in the order in which the objects were declared. The periods are
-    found; who began and ended them is read a page at a time.
+    Those that begin together are in the order of the declarations of their objects. The periods are
+    already found; the revisions that began and ended them are read a page at a time.
 
     Attributes:
         columns: the names of the free variables, without question mark.
@@ -140,7 +140,7 @@ class HeldPeriods(Sequence[Held]):
         read: Callable[[Collection[int]], Mapping[int, Revision]],
         is_valid: bool = False,
     ) -> None:
-        """Wrap what was found."""
+        """Wrap the found periods."""
         self.columns = expect_tuple(columns, str, "the columns of HeldPeriods")
         self._spans = spans
         self._first = first  # the first revision of the range
@@ -178,7 +178,7 @@ class HeldPeriods(Sequence[Held]):
         Returns:
             For each period the objects by their variables (with `?`), and `since`, `since_time`,
             `since_actor`, `since_reason`, `since_source`, and likewise `until` ...;
-            None where a period has no such end.
+            None if a period has no such end.
         """
         return [
             {
@@ -201,7 +201,7 @@ class HeldPeriods(Sequence[Held]):
     def _page(self, page: int) -> list[Held]:
         found = self._pages.get(page)
         if found is None:
-            # One page: whoever goes through millions keeps none.
+            # One page: iterating over millions keeps none.
             found = self._load(self._spans[page * PAGE : (page + 1) * PAGE])
             self._pages = {page: found}
         return found
@@ -248,19 +248,19 @@ def when(
 ) -> HeldPeriods:
     """Find the periods during which a condition held, for each binding of its free variables.
 
-    What was committed counts. Where a name in the condition is not defined, or has another
-    meaning, the condition does not hold. Of a conjunction of atoms, the database joins the
-    intervals of the facts; any other condition is evaluated at each revision that changed
-    something that it mentions.
+    Committed changes count. Where a name in the condition is undefined, or has another meaning,
+    the condition does not hold. For a conjunction of atoms, the database joins the intervals of
+    the facts; any other condition is evaluated at each revision that changed something that it
+    mentions.
 
     Args:
         condition: PDDL text, or a formula.
         since: the first revision, or the earliest time of commit; both inclusive.
         until: the last revision, or the latest time of commit; both inclusive.
         parameters: the free variables with their types, as `(?r - robot ?w - wp)`; by default
-            those of the condition, which range over what its atoms allow.
-        clock: `committed`, or `valid` for when it was true, as it is known in this state: then
-            `since` and `until` are such times, and who began and ended a period is who said so.
+            those of the condition, whose objects its atoms restrict.
+        clock: `committed`, or `valid` for when it was true, as known in this state: then `since`
+            and `until` are such times, and a period begins and ends with the revisions that say so.
         bindings: objects for some of the free variables, as names or DTOs.
 
     Returns:
@@ -309,7 +309,7 @@ def when(
 def _find_range(
     state: State, since: When | None, until: When | None, clock: str
 ) -> Bounds | valid_sweep.ValidPast:
-    """Find the revisions, or the times, of a question."""
+    """Find the revisions, or the valid times, of a question."""
     if is_valid_clock(clock):
         return valid_sweep.read_past(state.store, find_valid_range(state, since, until))
     return find_bounds(state, since, until)
@@ -317,7 +317,7 @@ def _find_range(
 
 @contextmanager
 def _archive_named(store: Store, where: Bounds | valid_sweep.ValidPast) -> Iterator[None]:
-    """Where a name is unknown, refuse a range of which a part was archived: that may have it."""
+    """If a name is unknown, refuse a range with an archived part, which may have the name."""
     try:
         yield
     except InvalidKnowledgeError:
@@ -332,7 +332,7 @@ def _searches(
     questions: Iterable[PastQuestion],
     where: Bounds | valid_sweep.ValidPast,
 ) -> list[_Search]:
-    """Return the searches of a range; of an empty range, none."""
+    """Return the searches of a range; none for an empty range."""
     if isinstance(where, valid_sweep.ValidPast):
         valid_sweep.check_range(session, kb_id, where.span)
         return [_ValidSearch(session, kb_id, question, where) for question in questions]
@@ -343,7 +343,7 @@ def _searches(
 
 
 def _questions(read: Callable[[str], PastQuestion], text: str) -> list[PastQuestion]:
-    """Read a condition; a disjunction whose names no state has together, part by part."""
+    """Read a condition; part by part if it is a disjunction whose names no one state has."""
     try:
         return [read(text)]
     except InvalidKnowledgeError:
@@ -383,7 +383,7 @@ class _Search:
         return sorted(self._join(atoms or ()) if is_join else self._sweep(), key=span_order)
 
     def _is_join(self, atoms: Sequence[f.Atom]) -> bool:
-        """Return whether versions of facts alone show when a conjunction held."""
+        """Return whether versions of facts are enough to show when a conjunction held."""
         definitions, given = self._question.definitions, self._question.unbound
         unbound = conjunction(given.formula) or []
         mentioned = {fold(str(term)[1:]) for atom in unbound for term in atom.terms}
@@ -408,7 +408,7 @@ class _Search:
 
     def _join(self, atoms: Sequence[f.Atom]) -> Iterable[Span]:
         low, high, _ = self._range
-        # Each version of the first fact is looked up in those of the others.
+        # Each version of the first fact is looked up in those of the others, so it has the fewest.
         facts = sorted(self._facts(atoms, low, high), key=_size)
         found = [*_combinations(self._question.definitions, facts, self._question.free)]
         if not found:
@@ -418,7 +418,7 @@ class _Search:
             yield Span(since, found[place][0], None if until > high else until)
 
     def _facts(self, atoms: Sequence[f.Atom], low: int, high: int) -> list[_Found]:
-        """Find the facts that each atom may be about."""
+        """Find the facts that match each atom."""
         of = partial(object_id, self._question.definitions)
         patterns = [Pattern(self._predicate(one).id, tuple(map(of, one.terms))) for one in atoms]
         facts = find_facts(self._session, self._kb_id, patterns, low, high)
@@ -437,7 +437,7 @@ class _Search:
             now = set() if solutions is None else solutions()
             for row in [row for row in held if row not in now]:
                 since = held.pop(row)
-                # What ended with the first revision held before the range alone.
+                # If it ended with the first revision, it held only before the range.
                 if visit.revision > self._range.low:
                     yield Span(since, row, visit.revision)
             for row in now:
@@ -451,19 +451,19 @@ class _Search:
 
 
 class _ValidSearch(_Search):
-    """The same on the valid clock: revisions are positions on it."""
+    """The same on the valid clock: positions on it take the place of revisions."""
 
     def __init__(
         self, session: Session, kb_id: int, question: PastQuestion, past: valid_sweep.ValidPast
     ) -> None:
-        # Rules and meanings count that were known at any time of it.
+        # Rules and meanings count if they were known at any of its times.
         span = Range(past.span.before + 1, past.span.known, 0)
         super().__init__(session, kb_id, question, span)
         self._past = past
 
     @override
     def run(self) -> list[Span]:
-        """Find the periods; those of one binding that no time parts are one, others take time."""
+        """Find the periods; join adjoining ones of a binding, and drop those that take no time."""
         begin = valid_sweep.position_of(Instant(self._past.span.since, 0))
         found: dict[tuple[int, ...], list[Span]] = {}
         for span in super().run():
@@ -505,7 +505,7 @@ Solutions = Callable[[], set[Row]]
 
 
 def solutions_of(visit: Visit, question: PastQuestion) -> Solutions | None:
-    """Compile a condition for a state; None where it has no meaning there."""
+    """Compile a condition for a state; None if it has no meaning there."""
     try:
         read = question.read(symbols_of(visit.definitions))
     except InvalidKnowledgeError:
@@ -525,7 +525,7 @@ def conjunction(formula: f.Formula) -> list[f.Atom] | None:
 
 
 def _is_implied(variable: f.TypedName, atoms: Iterable[f.Atom], definitions: Definitions) -> bool:
-    """Return whether an atom lets a variable have objects of its declared types alone."""
+    """Return whether an atom restricts a variable to objects of its declared types."""
     declared = {fold(name) for name in variable.types}
     if ROOT_TYPE in declared:
         return True
@@ -546,7 +546,7 @@ _Found = tuple[f.Atom, Pattern, Sequence[FoundFact]]
 def _combinations(
     definitions: Definitions, found: Iterable[_Found], free: Iterable[f.TypedName]
 ) -> Iterator[tuple[Row, tuple[int, ...]]]:
-    """Yield objects of the free variables, and the facts that have them, whenever these held."""
+    """Yield objects of the free variables, with the facts about them, whenever these held."""
     world, slots, ids = World(definitions), dict[str, r.Slot](), dict[FluentRow, int]()
     parts = []
     for atom, (owner, objects), facts in found:
@@ -561,7 +561,7 @@ def _combinations(
         )
         parts.append(r.HoldsFact(owner, tuple(terms), is_stored=True))
     compiler = Compiler(world)
-    # Whatever types an object has now: those of facts fitted when these were asserted.
+    # Without the present types of objects: objects of facts fitted when these were asserted.
     search = compiler.search([r.Bound(slot, ()) for slot in slots.values()], r.all_of(parts))
     pick = compiler.picker([slots[fold(variable.name)] for variable in free])
     picks = [(part.predicate, compiler.picker(part.terms)) for part in parts]

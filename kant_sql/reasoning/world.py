@@ -1,10 +1,10 @@
-"""A state in memory, which resolved conditions are evaluated in and effects change.
+"""A state in memory: resolved conditions are evaluated in it, and effects change it.
 
 - A fluent without a value makes the atom, the equality or the comparison around it false, as in
   VAL; so does a division by zero. Negation is classical: `(not (< (f) 3))` holds then.
-- Conditions and effects calculate exactly; what an effect writes has an end.
-- A derived predicate holds of what its rules derive, and of the facts that the state has of it.
-- While numbers change continuously, the state is that at `elapsed` since the change began.
+- Conditions and effects calculate exactly; effects write finite decimals.
+- A derived predicate holds by its rules, and by the stored facts about it.
+- While numbers change continuously, the state is the one at `elapsed` since the change began.
 
 Predicates, functions and objects are ids, as in `knowledge.resolved`.
 """
@@ -37,7 +37,7 @@ Value = Decimal | int
 
 
 def picker(positions: tuple[int, ...]) -> Callable[[Sequence[Any]], Row]:
-    """Return a function that picks items as a tuple."""
+    """Return a function that picks the items at some positions, as a tuple."""
     if len(positions) > 1:
         return itemgetter(*positions)
     if not positions:
@@ -47,7 +47,7 @@ def picker(positions: tuple[int, ...]) -> Callable[[Sequence[Any]], Row]:
 
 
 class Relation:
-    """The facts of one predicate, with indexes on demand; the methods alone change `rows`."""
+    """The facts of one predicate, with indexes on demand; only the methods change `rows`."""
 
     __slots__ = ("_indexes", "rows")
 
@@ -58,7 +58,7 @@ class Relation:
         ] = {}
 
     def add(self, row: Row) -> bool:
-        """Add a fact; return False if it is there."""
+        """Add a fact; return False if it is already there."""
         if row in self.rows:
             return False
         self.rows.add(row)
@@ -81,7 +81,7 @@ class Relation:
         self._indexes.clear()
 
     def lookup(self, positions: tuple[int, ...]) -> Callable[[Row], Collection[Row]]:
-        """Return a function from objects at some positions to the facts that have them."""
+        """Return a function from objects at some positions to the facts with these objects."""
         if not positions:
             return lambda key: self.rows
         return lambda key: self._index(positions).get(key, ())
@@ -102,7 +102,7 @@ class Rules(Protocol):
 
     heads: frozenset[int]  # the predicates that they derive
     sources: set[Head]  # the predicates and functions that their facts depend on
-    is_fresh: bool  # whether the derived facts are those of the present state
+    is_fresh: bool  # whether the derived facts belong to the present state
 
     def refresh(self) -> None:
         """Derive the facts unless they are fresh."""
@@ -112,13 +112,13 @@ class World:
     """The facts and values of one state; `derived.world_of` adds the rules."""
 
     def __init__(self, definitions: d.Definitions) -> None:
-        self.definitions = definitions  # what is defined in it
+        self.definitions = definitions  # the definitions in this state
         # The continuous change of each fluent in a unit of time.
         self.rates: dict[FluentRow, Fraction] = {}
         self.elapsed = Fraction(0)  # the time since `rates` began to hold
-        # The times at which comparisons change their value, collected while numbers change.
+        # The times at which comparisons change their truth value, collected while numbers change.
         self.roots: set[Fraction] = set()
-        self.total_time = Decimal(0)  # what `total-time` in a metric stands for
+        self.total_time = Decimal(0)  # the value of `total-time` in a metric
         # The number of violations of each preference, by folded name.
         self.violations: dict[str, int] = {}
         self._relations: defaultdict[int, Relation] = defaultdict(Relation)
@@ -179,7 +179,7 @@ class World:
     # Facts and values.
 
     def relation(self, predicate: int, is_stored: bool = False) -> Relation:
-        """Return the facts of a predicate, which may be behind for a derived one."""
+        """Return the facts of a predicate; derived ones may be out of date."""
         if is_stored and predicate in self._stored:
             return self._stored[predicate]
         return self._relations[predicate]
@@ -203,7 +203,7 @@ class World:
             self.touch((True, predicate))
 
     def set(self, function: int, row: Row, value: Value | None) -> None:
-        """Set or, with None, remove the value of a fluent."""
+        """Set the value of a fluent, or remove it with None."""
         if value is None:
             self.table(function).pop(row, None)
         else:
@@ -211,7 +211,7 @@ class World:
         self.touch((False, function))
 
     def change(self, atom: tuple[bool, int, Row], value: Any, holds: bool = True) -> None:
-        """Change a fact (True), or the value of a fluent, which is as in a row of the store."""
+        """Change a fact (True), or the value of a fluent, given as in a row of the store."""
         is_fact, owner, row = atom
         if is_fact:
             (self.add if holds else self.remove)(owner, row)
@@ -221,7 +221,7 @@ class World:
             self.set(owner, row, Decimal(str(value)))
 
     def touch(self, head: Head) -> None:
-        """Note that the facts of a predicate, or the values of a function, have changed."""
+        """Record that the facts of a predicate, or the values of a function, have changed."""
         own = self._rules.get(head[1]) if head[0] else None
         if own is not None:
             own.is_fresh = False
@@ -247,7 +247,7 @@ class World:
             self.touch((False, function))
 
     def linear(self, function: int, row: Row) -> Linear | None:
-        """Return the value of a fluent as a function of the time since the change began."""
+        """Return the value of a fluent as a linear function of the time since the change began."""
         value = self.table(function).get(row)
         if not isinstance(value, Decimal):
             return None
@@ -255,7 +255,7 @@ class World:
 
 
 def definitions_of(domain: Domain, problem: Problem) -> d.Definitions:
-    """Return what documents define, without actions and formulas; rules are kept with it."""
+    """Return the definitions of documents, without actions and formulas, but with their rules."""
     types = {ROOT_TYPE: 0}
     for one in domain.types:
         for name in (one.name, *one.types):
