@@ -56,7 +56,7 @@ _HOMES = {
     ".reader": ("read", "read_domain", "read_problem"),
     ".requirements": ("used_requirements",),
 }
-# The classes that are imported above, other names, and what is imported on first use.
+# The imported classes, other names, and lazy imports.
 _CLASSES = [name for name, value in globals().items() if isinstance(value, type)]
 _READERS = [name for names in _HOMES.values() for name in names]
 __all__ = sorted([*_CLASSES, "Formula", "Source", "write", *_READERS])  # noqa: PLE0605

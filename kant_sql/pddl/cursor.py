@@ -57,20 +57,20 @@ class Diagnostics:
     """The warnings of one reading, or its refusal of them."""
 
     def __init__(self, strict: bool) -> None:
-        # Whether a violation of the standard is an error.
+        # Whether violations of the standard are errors.
         self.strict = flag(strict, "strict", InvalidArgumentError)
-        # The names of typed lists that were checked, and variables with their question marks.
+        # The checked names of typed lists, and variables with their question marks.
         self.checked: dict[str, set[str]] = {OBJECTS: set(), VARIABLES: set()}
         self.odd_names: set[str] = set()  # other names that already have a warning
         # The messages of each section, by the indexes of their tokens.
         self._noted: dict[Section, list[tuple[int, str]]] = {}
         self._whole: list[PddlWarning] = []
-        self.suggestions = MAX_SUGGESTIONS  # how many warnings may still suggest a name
+        self.suggestions = MAX_SUGGESTIONS  # how many more warnings may suggest a name
 
     def deviate(
         self, section: Section, index: int, found: str, expected: str, read_as: str, nesting: str
     ) -> None:
-        """Warn about a violation of the standard; refuse it when strict."""
+        """Warn about a violation of the standard; refuse it if strict."""
         if self.strict:
             self.refuse(section, index, found, expected, nesting)
         within = f"in {nesting}: " if nesting else ""
@@ -253,7 +253,7 @@ class Cursor:
     def type_behind(self, kind: str, token: str, count: int) -> Types:
         """Read a dash and the type of the names before it."""
         if not count and token != "-":
-            # It is rather a name than a type without names.
+            # It is more likely a name than a type without names.
             self.fail(f"a {kind}, which does not begin with '-'")
         if not count:
             self.deviate(f"a {kind} before the type", "the type left out")
@@ -281,7 +281,7 @@ class Cursor:
         self.deviate(expected, "taken as it is")
 
     def refuse_name(self, name: str, kind: str, at: int | None = None) -> NoReturn:
-        """Refuse a name, and say why."""
+        """Refuse a name, with the reason."""
         self.fail(f"another name for {with_article(kind)}: {name_fault(kind, name)}", at=at)
 
     def declared_name(self, kind: str) -> str:

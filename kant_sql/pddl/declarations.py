@@ -242,7 +242,7 @@ class ActionReader(FormulaReader):
         return Action(kind, name, self._parameters, *parts), 2
 
     def _find_parameters(self) -> None:
-        """Read the parameters first, wherever they stand: other parts refer to them."""
+        """Read the parameters first, wherever they are: other parts refer to them."""
         start = self.at
         if self.tokens[start].lower() == ":parameters":
             return

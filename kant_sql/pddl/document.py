@@ -1,6 +1,6 @@
 """Domains and problems as documents: the content of PDDL files without their layout.
 
-A document is immutable. Two are equal (`==`) when their content, spelling and order are equal; the
+A document is immutable. Two are equal (`==`) if their content, spelling and order are equal; the
 initial state is a set and has no order.
 
 References have the spelling of the declaration. A name without a type has the type `object`. A
@@ -19,7 +19,7 @@ from ..dto import formulas as f
 
 ACTION, DURATIVE_ACTION, PROCESS, EVENT = "action", "durative-action", "process", "event"
 ACTION_KINDS = (ACTION, DURATIVE_ACTION, PROCESS, EVENT)
-# The kinds of steps: processes and events happen by themselves.
+# The kinds of steps: processes and events are not steps.
 EXECUTABLE = (ACTION, DURATIVE_ACTION)
 
 
@@ -78,7 +78,7 @@ class Action(f.Checked):
         kind: `action`, `durative-action`, `process` or `event`.
         name: its name.
         parameters: its parameters, in order.
-        duration: a durative action's constraints on its duration; else none.
+        duration: a durative action's constraints on its duration; empty for other actions.
         condition: the conjuncts of its precondition or condition.
         effect: the conjuncts of its effect.
     """
@@ -151,7 +151,7 @@ class Problem(f.Checked):
         timed: timed initial literals and values.
         goal: the conjuncts of the goal.
         constraints: the conjuncts of the constraints.
-        metric: the metric, if there is one.
+        metric: the metric, if any.
         warnings: violations of the standard; ignored by `==`.
     """
 

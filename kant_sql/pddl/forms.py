@@ -40,7 +40,7 @@ ACTIONS = (":action", ":durative-action", ":process", ":event")
 STRUCTURES = (*ACTIONS, ":derived")
 _SECTIONS = frozenset(DOMAIN_ORDER + PROBLEM_ORDER + STRUCTURES)
 
-# What a section of the other kind of definition is taken for.
+# A section of the other kind of definition, and the section that it is read as.
 _ALIASES = {":objects": ":constants", ":constants": ":objects"}
 # Sections of older and other languages, which messages name.
 _FOREIGN = {
@@ -164,7 +164,7 @@ class Scanner:
             self._refuse(start, f"'({keyword}'", f"')' that closes {self._called(before)}")
 
     def _called(self, section: Section) -> str:
-        """Name a section that is not closed."""
+        """Return the name of an unclosed section, for messages."""
         if section.keyword in ("", HEAD):
             return "the definition"
         [place] = self._text.locate([section.start])

@@ -33,7 +33,7 @@ _TIMES = {("at", "start"): f.AT_START, ("at", "end"): f.AT_END, ("over", "all"):
 _TIMED_EFFECT = "(at start ...), (at end ...) or a continuous effect with #t"
 _TIMED_FORM = "(at start ...), (over all ...) or (at end ...)"
 _CONSTRAINT_FORM = "a constraint such as (always ...)"
-# Operators of conditions alone, and of other languages.
+# Operators only of conditions, and of other languages.
 NO_EFFECTS: Final = frozenset(
     {"or", "imply", "exists", "preference", "=", "<", "<=", ">=", ">", "oneof", "probabilistic"}
 )
@@ -104,7 +104,7 @@ class FormulaReader(Cursor):
 
     duration_allowed = False  # whether `?duration` is the duration of the action
     time_allowed = False  # whether `#t` may be used
-    metric = False  # whether it reads a metric, which has `total-time` and `is-violated`
+    metric = False  # whether it reads a metric, where `total-time` and `is-violated` are allowed
 
     def __init__(
         self, diagnostics: Diagnostics, section: Section, symbols: SymbolTable, nesting: str = ""
@@ -116,10 +116,10 @@ class FormulaReader(Cursor):
         """Go to the beginning of a section, with no variables in scope."""
         super().open(section, nesting, tokens)
         self.scope = Scope()
-        self.level = 0  # how many levels of formulas are around the next token
+        self.level = 0  # the number of levels of formulas around the next token
 
     def enter(self) -> None:
-        """Count a level of nesting; whoever reads to its end subtracts it."""
+        """Count a level of nesting; the caller subtracts it at its end."""
         self.level += 1
         if self.level > f.MAX_NESTING:
             self.fail(f.NESTING_REMEDY, f"a formula {self.level} levels deep")
@@ -130,7 +130,7 @@ class FormulaReader(Cursor):
         """Read a top-level formula, which may be `()` or a conjunction, as its conjuncts."""
         if self.is_empty():
             return flatten(self._empty())
-        # A list of formulas is written as one conjunction, which is not a level of theirs.
+        # A list of formulas is written as one conjunction, which does not count as a level.
         self.level = -(self.tokens[self.at + 1].lower() == "and")
         found = flatten(self.formula(context))
         self.level = 0
@@ -264,7 +264,7 @@ class FormulaReader(Cursor):
         return (f.Forall if operator == "forall" else f.Exists)(variables, formula)
 
     def _within(self, context: int) -> tuple[tuple[f.TypedName, ...], f.Formula]:
-        """Read variables, and the formula that they are bound in."""
+        """Read variables, and the formula that binds them."""
         operator, outside = self.tokens[self.at + 1].lower(), self.scope.mark()
         self.at += 2
         variables = self.variables()
@@ -275,7 +275,7 @@ class FormulaReader(Cursor):
 
     def _counted(self, context: int) -> f.Formula:
         operator = self.tokens[self.at + 1].lower()
-        # A predicate of that name applies to terms, the first of which is no list of variables.
+        # A predicate of that name applies to terms, and its first term is not a list of variables.
         if not context & RULES or self.tokens[self.at + 3][:1] != "?":
             return self._named_like_operator(context)
         return f.Count(*self._within(RULES), operator)
@@ -360,7 +360,7 @@ class FormulaReader(Cursor):
         return f.Modal(operator, numbers, tuple(parts))
 
     def time_span(self, operator: str) -> f.Number:
-        """Consume the time of an operator, which is not negative."""
+        """Consume the time of an operator, which must not be negative."""
         number = self.number_here()
         if number is None or number.value < 0:
             self.fail(f"a number from 0 on, the time of {operator}")
@@ -430,7 +430,7 @@ class FormulaReader(Cursor):
         return numeric is False
 
     def _is_numeric(self) -> bool | None:
-        """Return whether a number is next; None if it may be a number or an object."""
+        """Return whether a number is next; None if it could be a number or an object."""
         token = self.tokens[self.at]
         if token == "(":
             head = self.tokens[self.at + 1]
@@ -576,7 +576,7 @@ class FormulaReader(Cursor):
 
     def _bounded(self, token: str) -> Decimal:
         """Convert a number; refuse one with too many digits."""
-        # The longest number has a sign, and all its digits before and behind a point.
+        # The longest number has a sign, and all its digits before and after a point.
         if len(token) > 2 * MAX_DIGITS + 2 or not is_writable(value := Decimal(token)):
             self.fail(f"a number of at most {MAX_DIGITS} digits")
         return value

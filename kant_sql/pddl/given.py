@@ -1,6 +1,6 @@
-"""Reading what a caller gives as text: one condition, constraint or step, or one declaration.
+"""Reading texts from callers: one condition, constraint or step, or one declaration.
 
-Each function refuses a text that is something else, or uses undeclared names, with a `PddlError`.
+Each function refuses other texts, and undeclared names, with a `PddlError`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ N = TypeVar("N", bound=f.Node)
 
 
 class ReadCondition(NamedTuple):
-    """A formula, and the variables that are free in it, in the order of their first occurrence."""
+    """A formula, and its free variables, in the order of their first occurrence."""
 
     formula: f.Formula
     free: tuple[f.TypedName, ...]  # the free variables; `object` where nothing declares a type
@@ -44,7 +44,7 @@ class ReadCondition(NamedTuple):
 
 
 class ReadValue(NamedTuple):
-    """A function applied to objects, and its value: a number or an object's name, or neither."""
+    """A function applied to objects, and its value: a number, an object's name, or neither."""
 
     fluent: f.Fluent
     value: Decimal | str | None
@@ -120,10 +120,10 @@ def _declared(symbols: SymbolTable, parameters: str) -> tuple[f.TypedName, ...]:
 
 
 def disjuncts(text: str) -> list[str]:
-    """Return the parts of a disjunction, and of those within it, as texts, whatever they name."""
+    """Return the parts of a disjunction, and of nested ones, as texts, with any names."""
     tokens = tokenize(Text(STRING, whole=text).code)
     parts: list[list[str]] = []
-    # How deep the part is that is being read, below the disjunctions around it.
+    # The depth of the part being read, below the disjunctions around it.
     depth, place = 0, 0
     while place < len(tokens):
         token = tokens[place]
@@ -160,7 +160,7 @@ def read_constraints(text: str, *, symbols: SymbolTable) -> f.Formula:
 def read_rules(text: str | Text, *, symbols: SymbolTable) -> tuple[f.Formula, ...]:
     """Read constraints on trajectories, one after the other.
 
-    `(and ...)` and `(:constraints ...)` around them may be left out; `:constraints` around one, as
+    `(and ...)` and `(:constraints ...)` around them are optional; `:constraints` around one, as
     in a domain, may be repeated. `(at-most-one (?p - place) ...)` is a rule that always holds.
     """
     reader = ConditionReader(symbols, text, "the rules", "()")
@@ -198,7 +198,7 @@ def read_goal(text: str, *, symbols: SymbolTable) -> f.Formula:
 
 
 def _refuse_more(reader: Cursor, read: str | None = None) -> None:
-    """Refuse a text that goes on after what was read."""
+    """Refuse text after what was read."""
     if reader.tokens[reader.at]:
         reader.fail(f"the end of the text after {read or reader.nesting}")
 

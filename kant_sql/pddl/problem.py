@@ -72,7 +72,7 @@ class FactSignature:
     arity: int
     fitting: list[_Fitting]  # for each parameter, the objects that fit
     value: _Fitting | _Numbers  # for a function, its possible numbers or objects
-    # The arguments of its facts, and the index of its value by arguments, as they are declared.
+    # The arguments of its facts, and the index of its value by arguments, in declared spelling.
     facts: set[tuple[str, ...]] = field(default_factory=set)
     values: dict[tuple[str, ...], int] = field(default_factory=dict)
 
@@ -154,7 +154,7 @@ class InitialStateReader(FormulaReader):
         self.open(section, section.keyword, [""])
         self._value_sections.append((len(self._values), section))
         self._blocks = Blocks(section.text.code, section.start, section.end)
-        # The loop looks ahead by the length of the longest fact.
+        # The loop looks ahead as far as the longest fact.
         longest = max(
             MAX_ARITY, self.symbols.predicates.longest(), self.symbols.functions.longest()
         )
@@ -410,7 +410,7 @@ _OPTIMIZATIONS = ("minimize", "maximize")
 
 
 def metric_of(reader: FormulaReader) -> f.Metric:
-    """Read a metric behind its keyword."""
+    """Read a metric after its keyword."""
     reader.metric = True
     reader.at = 2
     word = reader.word("minimize or maximize")

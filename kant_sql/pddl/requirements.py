@@ -55,7 +55,7 @@ def _numeric_effects(domain: pddl.Domain) -> list[f.Assign]:
 
 
 def _needs_numbers(domain: pddl.Domain, problem: pddl.Problem | None) -> bool:
-    """Return whether numbers decide what is possible, or change over time (rule 1)."""
+    """Return whether numbers affect what is possible, or change over time (rule 1)."""
     timed = () if problem is None else problem.timed
     effects = [each.effect for each in timed if isinstance(each.effect, f.Assign)]
     durations = f.walk(*(formula for action in domain.actions for formula in action.duration))
@@ -107,7 +107,7 @@ def _is_cost(value: f.Expression | f.Term) -> bool:
 
 def _starts_well(values: list[pddl.FunctionValue]) -> bool:
     """Return whether costs start at 0 and none is negative (rules 2 and 4)."""
-    # No requirement allows adding to an undefined value: planners take a missing one for 0.
+    # No requirement allows adding to an undefined value: planners treat a missing one as 0.
     numbers = [(v.fluent, v.value.value) for v in values if isinstance(v.value, f.Number)]
     return all(
         number == 0 if is_function(fluent, f.TOTAL_COST) else number >= 0

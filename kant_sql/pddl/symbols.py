@@ -132,7 +132,7 @@ class Signature:
 
     def __init__(self, name: str, parameters: tuple[Types, ...] | None, types: Types = ()) -> None:
         self.name = name
-        self.parameters = parameters  # the types of its parameters; None when they are unknown
+        self.parameters = parameters  # the types of its parameters; None if they are unknown
         # For each parameter, its types, and the types of arguments that fit it.
         self.accepted: tuple[tuple[Types, set[Types]], ...] = tuple(
             [(wanted, {wanted}) for wanted in parameters or ()]
@@ -173,7 +173,7 @@ class Signatures:
         return list({fold(one.name): one.name for one in self._found.values()}.values())
 
     def longest(self) -> int:
-        """Return the greatest number of parameters."""
+        """Return the maximum number of parameters."""
         return max((len(one.accepted) for one in self._found.values()), default=0)
 
 

@@ -33,7 +33,7 @@ from ..errors import InvalidKnowledgeError, InvalidNameError
 from . import document as pddl
 
 PREFERENCE, DEFINE = "preference", "define"
-# A parenthesis after these begins a formula or a fluent of theirs, not a term.
+# After these words, a parenthesis begins a formula or a fluent, not a term.
 _OPERATORS = {DEFINE, PREFERENCE, *f.MODALS, *f.ASSIGNMENTS}
 _TIME_WORDS = {tuple(time.split()) for time in f.TIMES}
 
@@ -189,7 +189,7 @@ def _wrapped(words: Iterable[str]) -> Iterator[str]:
 
 
 _INNER = "    "
-# There may be many names: this runs in C.
+# There may be many names: `attrgetter` runs in C.
 _NAME = attrgetter("name")
 
 

@@ -1,4 +1,4 @@
-"""Planning on documents, by unified-planning, an extra, or by programs; imported when used."""
+"""Planning on documents, by unified-planning (an extra) or programs; imported on first use."""
 
 from __future__ import annotations
 

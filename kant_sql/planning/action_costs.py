@@ -1,4 +1,4 @@
-"""Costs of actions, written into documents: `total-cost`, tables of costs, and no other numbers."""
+"""Writes action costs into documents: `total-cost`, tables of costs, and no other numbers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..pddl.requirements import functions_in, used_requirements
 from .names import declared, number, unused_name
 
 TOTAL_COST = f.Fluent(f.TOTAL_COST)
-# The entries of the largest table of costs of an action.
+# The maximum number of entries in an action's table of costs.
 MOST_COSTS = 50_000
 
 
@@ -49,14 +49,14 @@ class Objects:
 
 
 class UnusedNames:
-    """Makes names that no element of documents has."""
+    """Makes names that no element of the documents has."""
 
     def __init__(self, domain: pddl.Domain, problem: pddl.Problem) -> None:
         self._taken = {fold(name) for _, name in declared(domain, problem)}
         self._taken |= {f.TOTAL_COST, f.TOTAL_TIME}
 
     def __call__(self, wanted: str) -> str:
-        """Return a name as it is wanted, with a number appended if needed."""
+        """Return the wanted name, with a number appended if needed."""
         name = unused_name(wanted, self._taken)
         self._taken.add(fold(name))
         return name
@@ -70,10 +70,10 @@ Values = dict[tuple[str, ...], Fraction]
 class ActionCost:
     """The cost of an action."""
 
-    # The parameters that it depends on; none for a constant.
+    # The parameters on which it depends; none for a constant.
     parameters: tuple[f.TypedName, ...] = ()
-    values: Values | None = None  # the cost by the objects that these stand for
-    # The objects for which it is undefined: the action is not applicable there.
+    values: Values | None = None  # the cost by the objects of these parameters
+    # The objects for which it is undefined: there, the action is not applicable.
     undefined: tuple[tuple[str, ...], ...] = ()
 
     def plus(self, amount: Fraction) -> Values:
@@ -84,11 +84,11 @@ class ActionCost:
 
 @dataclass(frozen=True)
 class CostedAction:
-    """An action and what it adds to a metric to minimize."""
+    """An action, and its contribution to a metric to minimize."""
 
     action: pddl.Action
     cost: ActionCost = field(default_factory=ActionCost)
-    amount: Fraction = Fraction(0)  # what it adds besides `cost`
+    amount: Fraction = Fraction(0)  # the contribution besides `cost`
 
 
 def write_costs(
@@ -131,7 +131,7 @@ class _Writer:
         self.is_used = False  # whether an action costs anything
 
     def costed(self, action: pddl.Action, cost: ActionCost, table: Values) -> pddl.Action:
-        """Return an action that costs what a table says."""
+        """Return an action with the costs of a table."""
         amounts = set(table.values())
         variables = tuple(f.Variable(part.name) for part in cost.parameters)
         if cost.undefined:
@@ -188,7 +188,7 @@ def _kept(effects: Iterable[f.Formula], free: frozenset[str]) -> Iterator[f.Form
 
 
 def _pruned(domain: pddl.Domain, problem: pddl.Problem) -> tuple[pddl.Domain, pddl.Problem]:
-    """Leave out the numeric functions that nothing mentions."""
+    """Drop the numeric functions that nothing mentions."""
     nodes = [*pddl.formulas(domain, problem), *problem.timed]
     mentioned = functions_in(*nodes) | {fold(one.name) for one in domain.functions if one.types}
     functions = tuple(one for one in domain.functions if fold(one.name) in mentioned)
@@ -199,7 +199,7 @@ def _pruned(domain: pddl.Domain, problem: pddl.Problem) -> tuple[pddl.Domain, pd
 def _renamed(
     domain: pddl.Domain, problem: pddl.Problem, unused: Callable[[str], str]
 ) -> tuple[pddl.Domain, pddl.Problem]:
-    """Rename what is called like the costs, if it is needed."""
+    """Rename elements with the name of the costs, if any."""
     nodes = [*pddl.formulas(domain, problem), *problem.timed]
     if not any(_is_named_total(node) for node in f.walk(*nodes)):
         return domain, problem
@@ -241,10 +241,10 @@ def _is_named_total(node: f.Node) -> bool:
 
 
 def functions_read(domain: pddl.Domain, problem: pddl.Problem) -> set[str]:
-    """Return the folded names of the functions that decide what is possible."""
+    """Return the folded names of the functions that affect what is possible."""
     pending = [*pddl.formulas(domain, problem), *(one.effect for one in problem.timed)]
     read: set[str] = set()
-    # The values that are assigned to each function: they matter if that matters.
+    # The functions in the values of each function: they matter if that function matters.
     sources: dict[str, set[str]] = {}
     while pending:
         node = pending.pop()

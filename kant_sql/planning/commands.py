@@ -1,4 +1,4 @@
-"""Planners that are programs: their command lines, also those of engines, and what they answer."""
+"""Planners as programs: their command lines, including those of engines, and their answers."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ _EXIT_CODES = {
     **dict.fromkeys((21, 23), "timeout"),
     34: "unsupported_problem",
 }
-# What engines say where unified-planning may write the problem in a way that they read.
+# With these statuses, unified-planning may still write the problem in a way that engines read.
 MISREAD = "internal_error", "unsupported_problem"
 INVALID = "invalid_plan"
 FAST_DOWNWARD, OPTIMAL_DOWNWARD = "fast-downward", "fast-downward-opt"
 PYPERPLAN, ENHSP = "pyperplan", "enhsp"
-# The seconds that Fast Downward looks for invariants; it would take minutes for what was compiled.
+# Limits Fast Downward's search for invariants, which would take minutes for compiled problems.
 INVARIANTS = ("--invariant-generation-max-time", "5")
 _STRIPS = {":strips", ":typing"}
 _SIMPLE = _STRIPS | {":negative-preconditions", ":equality", ":action-costs"}
@@ -56,7 +56,7 @@ _LOGICAL = _SIMPLE | {
     ":universal-preconditions",
     ":conditional-effects",
 }
-# Of engines of unified-planning: the requirements of documents that they read as they are, their
+# Engines of unified-planning: the requirements of documents that they read directly, their
 # packages, and their options.
 _ANYTIME = "fast-downward while there is time"
 _READS = {
@@ -80,15 +80,15 @@ _OPTIONS = {
 class Command:
     """The command line of a planner."""
 
-    name: str  # what it is called
+    name: str  # its name
     # The program and its arguments, with `{domain}`, `{problem}` and `{plan}` for paths.
     words: tuple[str, ...]
     status: str = SATISFICING  # the status of its plans
-    exit_codes: dict[int, str] = field(default_factory=dict)  # what its exit codes mean
+    exit_codes: dict[int, str] = field(default_factory=dict)  # the meanings of its exit codes
 
 
 def find_command(engine: str) -> Command | None:
-    """Return the planner that a text names, or that the file of engines has by this name."""
+    """Return the planner of a command line, or of a name in the file of engines."""
     if given := _COMMAND.fullmatch(engine):
         return _parsed(given["name"], given["line"], engine)
     if "{domain}" in engine:
@@ -98,7 +98,7 @@ def find_command(engine: str) -> Command | None:
 
 
 def named(engine: str | None) -> str | None:
-    """Return the name of an engine; refuse a command line, which a stranger may not have run."""
+    """Return the name of an engine; refuse a command line, which a stranger must not run."""
     if engine is not None and (":" in engine or "{" in engine):
         raise InvalidArgumentError(
             f"engine {printable(engine)!r} is a command line, which is not run for others; give a "
@@ -162,7 +162,7 @@ def configured(path: Path) -> dict[str, str]:
 def _direct(
     domain: Domain, problem: Problem, engines: Sequence[str], improves: bool
 ) -> Command | None:
-    """Return the command line of the first engine that is installed and reads the documents."""
+    """Return the command line of the first installed engine that reads the documents."""
     needed = {*used_requirements(domain, problem=problem)}
     for name in engines:
         if needed <= _READS.get(name, set()) and _fits(domain, problem, name):
@@ -193,7 +193,7 @@ def _installed(name: str, problem: Problem, improves: bool) -> Command | None:
 
 
 def _fits(domain: Domain, problem: Problem, engine: str) -> bool:
-    """Return whether an engine reads documents of requirements that it knows."""
+    """Return whether an engine reads documents whose requirements it knows."""
     names = (*typed_names(domain, problem), *domain.types)
     if problem.literals or any(len(name.types) > 1 for name in names):
         return False
@@ -203,7 +203,7 @@ def _fits(domain: Domain, problem: Problem, engine: str) -> bool:
     numbers = (node for node in f.walk(*formulas(domain, problem), *values))
     if any(isinstance(n, f.Number) and n.value != n.value.to_integral_value() for n in numbers):
         return False
-    # Its translator knows no cost within a condition or a quantifier.
+    # Its translator does not support costs within a condition or a quantifier.
     return not any(
         f.mentions(f.Assign, effect)
         for action in domain.actions
@@ -215,7 +215,7 @@ def _fits(domain: Domain, problem: Problem, engine: str) -> bool:
 def ask(
     command: Command, domain: Domain, problem: Problem, process: PlannerProcess, until: float
 ) -> Iterator[Plan]:
-    """Run a planner, and yield what it answers, the best (the last) first."""
+    """Run a planner, and yield its answers, the best (the last) first."""
     paths = {"plan": str(Path(process.folder, "plan"))}
     for name, document in (("domain", domain), ("problem", problem)):
         path = Path(process.folder, f"{name}.pddl")
@@ -237,12 +237,12 @@ def ask_directly(
     domain: Domain,
     problem: Problem,
     engine: str | None,
-    improving: float,  # the seconds in which to look for better plans
-    failures: dict[str, str],  # the statuses of engines, to which that of this one is added
+    improving: float,  # seconds to look for better plans
+    failures: dict[str, str],  # the statuses of engines, to which this function adds
     process: PlannerProcess,
     until: float,
 ) -> Iterator[Plan]:
-    """Ask an engine as `ask` does; yield nothing where none reads the documents as they are."""
+    """Ask an engine, as `ask`; yield nothing if none reads the documents directly."""
     engines = [engine or FAST_DOWNWARD]
     anytime = improving and engine in {None, FAST_DOWNWARD, OPTIMAL_DOWNWARD}
     if not (engine or improving):
@@ -275,10 +275,10 @@ def _filled(command: Command, paths: dict[str, str]) -> Iterator[str]:
 
 
 def _answers(ended: Ended, folder: str) -> Iterator[str]:
-    """Yield the texts of the plan's files, the last first, then what the planner printed."""
+    """Yield the texts of the plan's files, the last first, then the output of the planner."""
     found = [
         (int(match[1] or 0), path)
-        # A planner may delete its folder, or write a pipe, or without end.
+        # A planner may delete its folder, create a pipe, or write without end.
         for path in Path(folder).glob("*")
         if (match := _NUMBERED.fullmatch(path.name))
         and path.is_file()
@@ -302,7 +302,7 @@ def _without_plan(command: Command, ended: Ended) -> NoPlanError:
 
 
 def _spelled(plan: Plan, domain: Domain, problem: Problem) -> Plan:
-    """Return a plan in the names of the documents: planners write them in lower case."""
+    """Return a plan with the names of the documents: planners write them in lower case."""
     actions = {fold(one.name): one.name for one in domain.actions}
     objects = {fold(one.name): one.name for one in (*problem.objects, *domain.constants)}
     steps = (

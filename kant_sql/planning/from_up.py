@@ -37,7 +37,7 @@ _PREFERENCE = "goal-"
 
 
 def bind(bound: Bound, variables: Iterable[up.Parameter | up.Variable]) -> Bound:
-    """Bind more variables, under unused names."""
+    """Bind more variables to unused names."""
     names = dict(bound)
     for variable in variables:
         taken = {fold(name) for name in names.values()}
@@ -46,7 +46,7 @@ def bind(bound: Bound, variables: Iterable[up.Parameter | up.Variable]) -> Bound
 
 
 def category_of(fluent: up.Fluent) -> str:
-    """Return what a fluent is in PDDL."""
+    """Return the category of a fluent in PDDL."""
     return n.PREDICATE if fluent.type.is_bool_type() else n.FUNCTION
 
 
@@ -146,7 +146,7 @@ class PddlExpressions:
 
 
 class PddlActions(PddlExpressions):
-    """Converts the actions of one problem, too."""
+    """Converts also the actions of a problem."""
 
     def action(self, action: up.Transition, cost: up.FNode | None) -> pddl.Action:
         """Convert an action, a process or an event."""

@@ -1,8 +1,8 @@
-"""Runs a planner, and ends it with all that it started: `guard.py MEMORY PROGRAM ARGUMENT...`.
+"""Runs a planner, and ends it and all its processes: `guard.py MEMORY PROGRAM ARGUMENT...`.
 
-The planner has a session of its own, no input, and MEMORY bytes of addresses (0 is no limit). When
-it ends, or the standard input of this process does, with the process that asked, everything that
-it started ends, too. Then this process ends as the planner did. It imports little, to start soon.
+The planner has its own session, no input, and MEMORY bytes of addresses (0 for no limit). If it
+ends, or this process's standard input does, together with the calling process, all processes that
+it started end, too. Then this process ends like the planner. It imports little, to start fast.
 """
 
 import ctypes
@@ -60,7 +60,7 @@ def become(memory: int, command: tuple[str, ...]) -> None:
 
 
 def reaped(pid: int) -> "int | None":
-    """Reap what has ended; return the planner's exit code if it has."""
+    """Reap ended processes; return the planner's exit code if it has ended."""
     while True:
         try:
             found, status = os.waitpid(-1, os.WNOHANG)
@@ -73,7 +73,7 @@ def reaped(pid: int) -> "int | None":
 
 
 def end_all(pid: int) -> None:
-    """Kill the planner's group and all that is below this process, until nothing is."""
+    """Kill the planner's group and all processes below this one, until none is left."""
     while True:
         for kill, whom in [(os.killpg, pid), *((os.kill, one) for one in descendants())]:
             try:
@@ -100,7 +100,7 @@ def descendants() -> "list[int]":
 def processes() -> "list[tuple[int, int]]":
     """Return all processes, each with its parent."""
     if not os.path.exists("/proc/self/stat"):
-        import subprocess  # It takes long.
+        import subprocess  # Importing it takes long.
 
         listed = subprocess.run(["ps", "-A", "-o", "pid=,ppid="], capture_output=True, check=False)
         return [(int(pid), int(up)) for pid, up in map(bytes.split, listed.stdout.splitlines())]

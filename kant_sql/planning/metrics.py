@@ -1,4 +1,4 @@
-"""Metrics: as weighted sums, as costs of actions, and documents that stand in for others."""
+"""Metrics: as weighted sums, as costs of actions, and documents that replace others."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..plugins import Plugins
 
 
 class NotLinearError(Exception):
-    """An expression is not a weighted sum; its argument is the part that is to blame."""
+    """An expression is not a weighted sum; its argument is the part at fault."""
 
 
 # The key of the constant.
@@ -89,7 +89,7 @@ def is_sum_of_costs(domain: Domain, problem: Problem) -> bool:
     if not is_function(metric.expression, f.TOTAL_COST):
         return False
     starts = [value for fluent, value in problem.values if is_function(fluent, f.TOTAL_COST)]
-    # Without a value, it counts from 0.
+    # Without a value, the sum begins at 0.
     if not all(isinstance(value, f.Number) and value.value == 0 for value in starts):
         return False
     static = static_functions(domain, problem)
@@ -156,20 +156,20 @@ def _mentions(node: f.Node) -> bool:
     return any(is_function(part, f.TOTAL_COST) for part in f.walk(node))
 
 
-# Conditional effects of an action that are compiled away: each doubles its copies.
+# The maximum number of conditional effects to compile away per action: each doubles its copies.
 MOST_EFFECTS = 10
 
 
 @dataclass(frozen=True)
 class Variant:
-    """Documents that stand for others, with fewer or other constructs.
+    """Documents that replace others, with fewer or other constructs.
 
     Attributes:
-        steps: the name of the original action of each action that was added, by folded name; None
-            for a step that is left out of plans.
-        ignored: what of the metric and the preferences is not in them, as readable text.
-        most_effects: how many conditional effects of an action may be compiled away for an engine.
-        is_costed: whether cheap plans are asked for, of engines that improve theirs for some time.
+        steps: the name of the original action of each added action, by folded name; None for a
+            step that plans leave out.
+        ignored: the missing parts of the metric and the preferences, as readable text.
+        most_effects: the maximum number of conditional effects per action to compile away.
+        is_costed: whether cheap plans are wanted, from engines that improve theirs for some time.
     """
 
     domain: Domain
@@ -189,14 +189,14 @@ class Compilation(Protocol):
     """A plugin of the group `kant_sql.compilations`."""
 
     def __call__(self, domain: Domain, problem: Problem) -> Iterator[Variant]:
-        """Yield stand-ins for documents with a metric, the most faithful first."""
+        """Yield replacements for documents with a metric, the most faithful first."""
 
 
 COMPILATIONS: Plugins[Compilation] = Plugins("kant_sql.compilations")
 
 
 def variants(domain: Domain, problem: Problem, is_costed: bool = False) -> Iterator[Variant]:
-    """Yield the documents, then stand-ins for a metric that planners do not know, to be tried."""
+    """Yield the documents, then replacements for a metric that planners do not know."""
     yield Variant(domain, problem, is_costed=is_costed)
     if problem.metric is not None:
         for name in COMPILATIONS.names():
@@ -206,7 +206,7 @@ def variants(domain: Domain, problem: Problem, is_costed: bool = False) -> Itera
 
 
 def missing_compilation(problem: Problem) -> str:
-    """Say what may help where planners do not take a metric as it is; empty where nothing may."""
+    """Return a hint if planners do not support a metric; empty if there is none."""
     if problem.metric is None or COMPILATIONS.names():
         return ""
     return (
@@ -216,12 +216,12 @@ def missing_compilation(problem: Problem) -> str:
 
 
 def hinted(error: UnsupportedConstructError, problem: Problem) -> UnsupportedConstructError:
-    """Add to an error what may help."""
+    """Add the hint to an error."""
     return UnsupportedConstructError(f"{error}{missing_compilation(problem)}")
 
 
 def refusal(ignored: Sequence[str]) -> UnsupportedConstructError:
-    """Make the error for what cannot be given to a planner."""
+    """Make the error for soft goals that planners cannot get."""
     return UnsupportedConstructError(
         f"planners cannot be given all soft goals: {'; '.join(ignored)}; leave these out"
     )

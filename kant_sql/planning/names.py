@@ -1,4 +1,4 @@
-"""Names, numbers and operators that both directions of the conversion share.
+"""Names, numbers and operators for both directions of the conversion.
 
 In PDDL, an action and a predicate, or an object and a type, may have the same name. Objects and
 actions keep theirs, because plans consist of them; other elements get their category appended.
@@ -43,7 +43,7 @@ SHARED_MODALS = ("always", "sometime", "at-most-once", "sometime-after", "someti
 
 
 def unused_name(wanted: str, taken: Container[str]) -> str:
-    """Return a name whose folded form is not taken, with a number appended if needed."""
+    """Return a name whose folded form is free, with a number appended if needed."""
     candidate, number = wanted, 2
     while fold(candidate) in taken:
         candidate, number = f"{wanted}_{number}", number + 1
@@ -73,7 +73,7 @@ class UpNames:
     def __init__(self, domain: Domain, problem: Problem) -> None:
         self._taken: set[str] = set()
         self._chosen: dict[tuple[str, str], str] = {}
-        # The PDDL names of actions, by their own.
+        # The PDDL names of actions, by their names in unified-planning.
         self.action_of: dict[str, str] = {}
         clashing = [key for key in declared(domain, problem) if not self._claim(*key)]
         for category, name in clashing:
@@ -87,7 +87,7 @@ class UpNames:
         return True
 
     def unused(self, name: str) -> str:
-        """Claim a name that no other element has."""
+        """Reserve a name that no other element has."""
         candidate = unused_name(name, self._taken)
         self._taken.add(fold(candidate))
         return candidate

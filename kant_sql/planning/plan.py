@@ -170,10 +170,10 @@ class Plan:
 _NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _TIME = rf"(?:(?P<start>{_NUMBER})\s*:\s*)?"
 _DURATION = rf"(?:\[\s*(?P<duration>{_NUMBER})\s*\]\s*)?"
-# Texts, which are compiled when a plan is read: planners' processes read none.
+# Texts: reading a plan compiles them, and planners' processes read none.
 _STEP = rf"{_TIME}\(\s*(?P<words>[^()]*?)\s*\)\s*{_DURATION}"
 _CALL = rf"{_TIME}(?P<name>[^\s()\[\],]+)(?:\((?P<arguments>[^()]*)\))?\s*{_DURATION}"
-# A line that is meant to be a step, however it goes on.
+# The beginning of a line that is meant to be a step.
 _BEGINS_STEP = rf"\(|{_NUMBER}\s*:"
 _FD_STEP = r"(?P<words>[^()]+?)\s*\(\d+\)"
 _FD_TIME = r"^\[t=[^\]]*\]\s*"
@@ -184,12 +184,12 @@ _METRIC = (
     rf"\s*(?P<value>-?{_NUMBER})$"
 )
 _OURS = r";\s*(?P<status>solved_[a-z]+)(?: by (?P<engine>\S.*))?$"
-# The lines after which a log has the steps of a plan; those of POPF may follow its progress.
+# In a log, the steps of a plan follow these lines; those of POPF may follow its progress.
 _HEADS = (
     r"(?i);\s*Plan found with metric|;;;;\s*Solution Found"
     r"|(?:Found new|Rescheduled|Found|new) plan:$"
 )
-# ENHSP passes the time of processes so.
+# ENHSP writes this while processes run.
 _WAITING = "-----waiting----"
 _UP_HEADS = ("SequentialPlan:", "TimeTriggeredPlan:")
 _FAST_DOWNWARD = "fast-downward"
@@ -233,14 +233,14 @@ class _Reader:
         return Plan(tuple(steps), self._engine, self._status, value=self._value)
 
     def _of_file(self, lines: list[_Line]) -> Iterator[PlanStep]:
-        """Read lines that are steps and comments, and nothing else."""
+        """Read lines that are steps or comments; refuse others."""
         for line in lines:
             self._comment(line.text)
             if line.code:
                 yield self._step(line)
 
     def _of_log(self) -> Iterator[PlanStep]:
-        """Read the last plan of a log: planners that go on find better ones."""
+        """Read the last plan of a log: anytime planners find better ones later."""
         heads = [at for at, line in enumerate(self._lines) if re.search(_HEADS, line.text)]
         for line in self._lines[heads[-1] :]:
             self._comment(line.text)
@@ -283,7 +283,7 @@ class _Reader:
         elif cost := re.fullmatch(_COST, text):
             self._engine = _FAST_DOWNWARD
             if cost["kind"].lower() == "general":
-                # A unit cost is the number of steps, whatever the metric.
+                # A unit cost is the number of steps, in any metric.
                 self._value = Decimal(cost["value"])
         elif metric := re.search(_METRIC, text):
             self._value = Decimal(metric["value"])
@@ -349,5 +349,5 @@ def problem_hash(domain: str, *, problem: str) -> str:
     """
     for text, role in ((domain, "domain"), (problem, "problem")):
         expect(text, str, role, InvalidArgumentError)
-    # A lone surrogate has no UTF-8; such a text is not PDDL.
+    # A lone surrogate has no UTF-8 form; such a text is not PDDL.
     return sha256((domain + problem).encode(errors="surrogatepass")).hexdigest()

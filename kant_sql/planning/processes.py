@@ -1,4 +1,4 @@
-"""The processes of planners: each ends with its time, its output, its memory, or its caller."""
+"""The processes of planners: their time, output and memory are limited, and they end."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from pathlib import Path
 from typing import NamedTuple
 
 GUARD = Path(__file__).with_name("guard.py")
-# What a planner may print, in bytes; none of those that are known prints as much.
+# The maximum output of a planner, in bytes; no known planner prints as much.
 MOST_OUTPUT = 16 << 20
-# Seconds in which the system ends what was killed.
+# Seconds for the system to end killed processes.
 _ENDS_WITHIN = 30.0
 _MEMORY = re.compile(r"MemoryError|bad_alloc|OutOfMemoryError|out of memory|cannot allocate", re.I)
 
 
 class Ended(NamedTuple):
-    """How a planner's process ended."""
+    """The end of a planner's process."""
 
     code: int  # its exit code; the negative number of the signal that ended it
-    output: str  # what it printed
-    status: str | None  # `timeout`, `memout`, `internal_error` if it printed without end; else None
+    output: str  # its output
+    status: str | None  # `timeout`, `memout`, `internal_error` for too much output; or None
 
     @property
     def reason(self) -> str:
-        """The reason in words: how it ended, and the last line of what it printed."""
+        """The reason in words: how it ended, and the last line of its output."""
         how = f"it ended with code {self.code}"
         if self.status == "timeout":
             how = "its time was up"
@@ -45,17 +45,17 @@ class Ended(NamedTuple):
 
 
 class PlannerProcess:
-    """Runs a planner's programs one after the other; `end` ends them, from any thread."""
+    """Runs the programs of a planner in sequence; any thread may `end` them."""
 
     def __init__(self, folder: str = "", memory: int = 0) -> None:
-        self.folder = folder  # where they run, and have their temporary files
-        self.memory = memory  # the most bytes of each; 0 is no limit
+        self.folder = folder  # their working folder, also for temporary files
+        self.memory = memory  # the maximum bytes of each; 0 for no limit
         self.is_ended = False
         self._guard = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
 
     def run(self, words: Sequence[str], until: float) -> Ended:
-        """Run a program until a moment of the monotonic clock at which it is ended."""
+        """Run a program; end it at a moment of the monotonic clock."""
         path = os.pathsep.join(str(Path(entry).absolute()) for entry in sys.path)
         with self._guard:
             if self.is_ended:
@@ -79,7 +79,7 @@ class PlannerProcess:
         return Ended(process.returncode, output, status)
 
     def end(self) -> None:
-        """End what runs, and let nothing begin."""
+        """End the running program, and start no more."""
         with self._guard:
             self.is_ended = True
             if self._process is not None and self._process.stdin is not None:
@@ -94,14 +94,14 @@ class PlannerProcess:
             process.stdin.close()
         try:
             process.wait(_ENDS_WITHIN)
-        except subprocess.TimeoutExpired:  # A device holds what it runs.
+        except subprocess.TimeoutExpired:  # A device blocks its processes.
             process.kill()
             process.wait()
         process.stdout.close()
 
 
 def _read(process: subprocess.Popen[bytes], until: float) -> tuple[str, str | None]:
-    """Read what a process prints until it ends."""
+    """Read the output of a process until it ends."""
     assert process.stdout is not None
     found, size, status = [], 0, None
     with selectors.DefaultSelector() as selector:

@@ -1,4 +1,4 @@
-"""Finds a plan in separate processes, and says what to do where no engine finds one."""
+"""Finds plans in separate processes, and hints if no engine finds one."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ logger = logging.getLogger("kant_sql.planning")
 
 
 class Task(NamedTuple):
-    """What a planner's process is asked for; `solve` explains the fields."""
+    """The task of a planner's process; `solve` explains the fields."""
 
     domain: Domain
     problem: Problem
     engine: str | None
     timeout: float  # infinite to wait without limit
     strict: bool
-    engines: Path  # the file that names engines: the process has another folder
+    engines: Path  # the file of engines: the process has another folder
     is_costed: bool = False
-    failures: Mapping[str, str] = {}  # the statuses of engines that were asked already
+    failures: Mapping[str, str] = {}  # the statuses of engines that were already asked
 
 
 class Judged(NamedTuple):
-    """What a judge says of a plan.
+    """The verdict of a judge on a plan.
 
     Attributes:
-        text: in words.
-        cost: the less, the better; None when unknown.
+        text: the verdict in words.
+        cost: the lower, the better; None if unknown.
     """
 
     is_valid: bool
@@ -80,33 +80,32 @@ def solve(
 
     Without an engine's name, the installed engines that support the problem are tried in turn:
     aries first for durations, ENHSP for numbers, otherwise Fast Downward and pyperplan. Fast
-    Downward is given the documents themselves where it reads all of them.
-    unified-planning may compile away constructs that an engine does not support: quantifiers,
-    conditional effects, trajectory constraints, object fluents.
+    Downward gets the documents themselves if it can read all of them. unified-planning may compile
+    away constructs that an engine does not support: quantifiers, conditional effects, trajectory
+    constraints, object fluents.
 
     Plugins compile preferences and metrics that unified-planning does not know; a planner improves
-    what they cost for at most 10 seconds, or half of the timeout. What of them an engine still
-    cannot be given is named in the plan's `ignored`, and logged as a
-    warning. Nothing else is ever left out.
+    the costs for at most 10 seconds, or half of the timeout. Those that an engine still cannot get
+    are named in the plan's `ignored`, and logged as a warning. Nothing else is ever left out.
 
     Args:
-        engine: the name that unified-planning has for an engine, for example `fast-downward-opt`,
-            a name of the file of engines, or a command line: `lama: PROGRAM {domain} {problem}`.
-        engines: several of them, which run side by side.
-        keep: which plan of theirs to return: the `first`, or the `best` until the time is up.
-        timeout: the longest time to wait, in seconds; None is infinite.
-        memory: the most megabytes of addresses for each process; None is no limit.
+        engine: the engine's name in unified-planning, for example `fast-downward-opt`,
+            a name in the file of engines, or a command line: `lama: PROGRAM {domain} {problem}`.
+        engines: several engines, which run side by side.
+        keep: the plan to return: the `first` one, or the `best` until the time is up.
+        timeout: seconds to wait; None for no limit.
+        memory: the maximum megabytes of addresses for each process; None for no limit.
         strict: refuse to ignore a part of the metric or a preference.
-        is_costed: ask for a cheap plan, which engines improve for as long as those of soft goals.
-        judge: judges each plan; one that is not valid is not returned.
+        is_costed: find a cheap plan, which engines improve for as long as one with soft goals.
+        judge: judges each plan; invalid ones are not returned.
 
     Returns:
-        The plan, in the names of the documents.
+        The plan, with the names of the documents.
 
     Raises:
         PlannerMissingError: unified-planning or the engine is not installed.
         UnsupportedConstructError: a construct has no exact counterpart in unified-planning; or,
-            with `strict`, a soft goal cannot be given to a planner.
+            with `strict`, a planner cannot get a soft goal.
         NoPlanError: there is no plan, or none was found in time; `status` is the reason.
     """
     check_documents(domain, problem)
@@ -146,7 +145,7 @@ def check_documents(domain: Domain, problem: Problem) -> None:
 
 
 class Attempt:
-    """An engine that is asked, in processes and a thread of its own."""
+    """A request to an engine, in its own processes and thread."""
 
     def __init__(self, task: Task, judge: Judge, memory: int, is_best: bool) -> None:
         self._task, self._judge, self._is_best = task, judge, is_best
@@ -159,13 +158,13 @@ class Attempt:
         self._ran, self._said, self._is_stopped = 0.0, "", False
 
     def run(self) -> None:
-        """Ask the engine, and keep its plan or what went wrong."""
+        """Ask the engine, and keep its plan or its failure."""
         try:
             with tempfile.TemporaryDirectory(
                 prefix="kant-sql-plan-", ignore_cleanup_errors=True
             ) as self.process.folder:
                 self._keep_first_valid(self._answers())
-        except Exception as error:  # The thread that waits raises it.
+        except Exception as error:  # The waiting thread raises it.
             self._is_stopped = self.process.is_ended
             self._said = str(error).removesuffix(f"; {WAYS_OUT}")
             if isinstance(error, NoPlanError) and error.status == "timeout":
@@ -177,7 +176,7 @@ class Attempt:
         self._ran = time.monotonic() - self._started
 
     def report(self) -> EngineRun:
-        """Say what became of it."""
+        """Return the result in words."""
         status = "missing" if isinstance(self.error, PlannerMissingError) else "unsupported_problem"
         if self.plan is not None:
             status = self.plan.status
@@ -295,7 +294,7 @@ def _race(attempts: Sequence[Attempt], is_best: bool) -> Plan:
 
 
 def _chosen(attempts: Sequence[Attempt]) -> Plan:
-    """Return the best plan, with what became of all; raise if there is none."""
+    """Return the best plan, with the runs of all engines; raise if there is none."""
     runs = tuple(attempt.report() for attempt in attempts)
     solved = [attempt for attempt in attempts if attempt.plan is not None]
     if solved:
@@ -318,7 +317,7 @@ def _chosen(attempts: Sequence[Attempt]) -> Plan:
 
 
 FINAL = "unsolvable_proven", "timeout"
-# What of several failures says most.
+# Of several failures, the first one in this order says most.
 _TELLING = ("unsolvable_proven", "timeout", "memout", "unsolvable_incompletely", "internal_error")
-# The seconds for improving a plan. A plan that forgoes all soft goals is found at once.
+# Seconds to improve a plan. A plan without any soft goal is found at once.
 IMPROVING_SECONDS = 10.0

@@ -1,4 +1,4 @@
-"""The conversion of documents to a problem of unified-planning."""
+"""Conversion of documents to a problem of unified-planning."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class UpConversion:
         self._domain, self._document = domain, problem
         names = n.UpNames(domain, problem)
         manager = environment.expression_manager
-        # The state that all parts share; its `problem` is the result.
+        # The state of all parts; its `problem` is the result.
         self.context = ConversionContext(
             environment,
             UpProblem(
@@ -121,7 +121,7 @@ class UpConversion:
         if known is not made and known.type != made.type:
             raise context.unsupported(item.name, f"it is of {known.type.name} as well")
         if known is made:
-            # `add_object` compares with all other objects: too slow for many.
+            # `add_object` compares with all other objects, which is too slow for many.
             context.problem.all_objects.append(made)
             context.problem._add_user_type(made.type)
 
@@ -232,7 +232,7 @@ def convert(
 
 
 def convert_whole(domain: Domain, problem: Problem, environment: Environment) -> UpProblem:
-    """Convert documents, or a variant of them in which no soft goal is left out."""
+    """Convert documents, or a variant of them with all soft goals."""
     error: UnsupportedConstructError | None = None
     ignored: tuple[str, ...] = ()
     for variant in variants(domain, problem):
@@ -247,7 +247,7 @@ def convert_whole(domain: Domain, problem: Problem, environment: Environment) ->
             continue
         if is_whole:
             return made
-        # Without the soft goals it can be expressed, so these are to blame.
+        # It works without the soft goals, so these are at fault.
         raise refusal(ignored) from error
     assert error is not None
     raise hinted(error, problem)
@@ -263,15 +263,15 @@ def to_unified_planning(
     initially false unless the problem states otherwise. Some constructs are rewritten, exactly:
 
     - `either` in a parameter: one action for each type;
-    - a derived predicate that does not depend on itself: the formula it follows from;
+    - a derived predicate that does not depend on itself: the body of its rules;
     - `scale-up` and `scale-down`: assignments;
     - `(at end ...)` among the constraints: a goal;
-    - `?duration`: the value of the duration, where that is an equation; a fluent
-      `duration-of-` the action keeps it for the end, where it depends on the state;
+    - `?duration`: the value of the duration, if that is an equation; a fluent `duration-of-` the
+      action keeps it for the end, if it depends on the state;
     - preferences in the goal, if the metric counts only these: an oversubscription metric;
-    - a metric without such a counterpart: what a plugin of the group `kant_sql.compilations` makes
-      of it. The problem may then have actions of its own; `kant_sql.Plan`s of `solve` are without
-      them.
+    - a metric without such a counterpart: the result of a plugin of the group
+      `kant_sql.compilations`. The problem may then have additional actions; `kant_sql.Plan`s of
+      `solve` are without them.
 
     Preferences that no metric counts are left out: they affect neither which plans are valid nor
     their quality.

@@ -49,8 +49,8 @@ class UpDurations(UpConverter):
         return bounds[0][1] if len(bounds) == 1 and bounds[0][0] == "=" else None
 
     def remembered(self, made: DurativeAction, value: FNode) -> FNode:
-        """Return a fluent that has the duration of an action while that goes on."""
-        # What the duration was computed from may change before the action ends.
+        """Return a fluent that stores the duration of an action while it is running."""
+        # The values in the duration may change before the action ends.
         from unified_planning.model import Fluent, Parameter, StartTiming
 
         context = self._context
@@ -87,7 +87,7 @@ class UpDurations(UpConverter):
                     raise self._unsupported(constraint, "it is not a bound of ?duration")
 
     def is_static(self, node: f.Expression) -> bool:
-        """Return whether the state has no part in the value of a duration."""
+        """Return whether the value of a duration is the same in all states."""
         return functions_in(node) <= self._context.static
 
     def _tightest(self, bounds: list[tuple[FNode, bool]], sign: int) -> tuple[FNode, bool]:
@@ -339,7 +339,7 @@ class UpActions(UpConverter):
         else:
             if made.name in self._names:
                 raise self._unsupported(made.name, "two actions have this name")
-            # `add_action` compares with all other actions: too slow for thousands.
+            # `add_action` compares with all other actions, which is too slow for thousands.
             self._names.add(made.name)
             problem.actions.append(made)
             for parameter in made.parameters:

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 class UpTypes:
     """The hierarchy of types.
 
-    `object` is a type of unified-planning only where the documents need it; otherwise types without
-    a supertype are roots, as in unified-planning's own reader.
+    `object` is a type of unified-planning only if the documents need it; otherwise types without a
+    supertype are roots, as in unified-planning's own reader.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class UpTypes:
         return [self._type(key) for key in kept]
 
     def narrowest(self, types: Iterable[str]) -> list[Type]:
-        """Return the types of an object, which has all of them, without supertypes of others."""
+        """Return the most specific types of an object, which has all of them."""
         keys = list(dict.fromkeys(map(fold, types)))
         above = {name for key in keys for name in self._ancestors(key)[1:]}
         return [self._type(key) for key in keys if key not in above]

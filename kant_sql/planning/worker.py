@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 
 def engine_parameters(name: str, improving: float | None = None) -> dict[str, object]:
-    """Return the parameters for creating an engine, which improves its plan for some seconds."""
+    """Return the parameters of an engine that improves its plan for some seconds."""
     if improving is not None and name == "fast-downward":
         return {"fast_downward_translate_options": [*INVARIANTS]}
     if improving is not None and name == "enhsp-any":
@@ -65,8 +65,8 @@ def engine_parameters(name: str, improving: float | None = None) -> dict[str, ob
 PREFERRED_GOALS = ("oversubscription[fast-downward]", "oversubscription[enhsp]")
 # These engines solve the problem once for each subset of the goals.
 MOST_PREFERRED_GOALS = 5
-# Features that engines claim to support. Fast Downward makes axioms of quantifiers, which its
-# heuristic LM-cut does not know. Aries wants the costs of actions as constants.
+# Features that engines wrongly claim to support. Fast Downward makes axioms of quantifiers, which
+# its heuristic LM-cut does not support. Aries wants constants as costs of actions.
 OVERSTATED = {
     "fast-downward-opt": {"UNIVERSAL_CONDITIONS", "EXISTENTIAL_CONDITIONS"},
     "aries": {"STATIC_FLUENTS_IN_ACTIONS_COST"},
@@ -78,7 +78,7 @@ _NUMBERS |= {"INCREASE_EFFECTS", "DECREASE_EFFECTS"}
 _TIME = {"CONTINUOUS_TIME", "DURATION_INEQUALITIES", "INTERMEDIATE_CONDITIONS_AND_EFFECTS"}
 _TIME |= {"TIMED_EFFECTS", "TIMED_GOALS"}
 _PROCESSES = {"PROCESSES", "EVENTS", "INCREASE_CONTINUOUS_EFFECTS", "DECREASE_CONTINUOUS_EFFECTS"}
-# Features that engines know which may be absent; an engine that is installed is asked itself.
+# Features of known engines, which may be absent; an installed engine is asked itself.
 KNOWN = {
     "aries": _TIME | _NUMBERS | {"OBJECT_FLUENTS"},
     "enhsp": _LOGIC | _QUANTIFIERS | _NUMBERS | _PROCESSES,
@@ -99,7 +99,7 @@ REMOVALS = {
     "fast-downward-reachability-grounder": {"STATIC_FLUENTS_IN_ACTIONS_COST"},
     "up_grounder": {"STATIC_FLUENTS_IN_ACTIONS_COST"},
 }
-# What a compilation keeps as it is, though compilers do not list it.
+# Features that stay after a compilation, though compilers do not list them.
 _UNTOUCHED = {"UNDEFINED_INITIAL_NUMERIC"}
 
 
@@ -126,7 +126,7 @@ def candidates(problem: UpProblem, improves: bool = False) -> tuple[str, ...]:
 
 
 class Engines:
-    """The engines of unified-planning; each is imported when it is needed: all take long."""
+    """The engines of unified-planning; each is imported on first use, because all take long."""
 
     def __init__(self) -> None:
         from unified_planning.engines.factory import DEFAULT_ENGINES, DEFAULT_META_ENGINES
@@ -146,7 +146,7 @@ class Engines:
         self._faults: dict[str, str] = {}
 
     def find(self, name: str) -> Any:
-        """Return an engine's class; None if it is not there."""
+        """Return an engine's class; None if it is missing."""
         factory = self.environment.factory
         meta, _, base = name.removesuffix("]").partition("[")
         if name not in factory.engines:
@@ -160,14 +160,14 @@ class Engines:
         return factory.engine(name) if name in factory.engines else None
 
     def planners(self) -> list[str]:
-        """Return the names of the installed engines that plan."""
+        """Return the names of the installed planners."""
         for name in self._known:
             self.find(name)
         engines = self.environment.factory.engines
         return [name for name in engines if self.find(name).is_oneshot_planner()]
 
     def how(self, name: str) -> str:
-        """Say how to get an engine that is not there."""
+        """Return how to get a missing engine."""
         self.find(name)
         module = self._known.get(name, ("",))[0].partition(".")[0]
         package = module.replace("_", "-")
@@ -178,7 +178,7 @@ class Engines:
         return f"is not installed; {how}"
 
     def lacking(self, missing: Mapping[str, Collection[str]], suitable: Collection[str]) -> str:
-        """Say which features the engines that were asked lack, and which others would do."""
+        """List the features that the asked engines lack, and other engines that have them."""
         said = [
             f"{name} does not know {', '.join(sorted(features)).lower()}"
             for name, features in missing.items()
@@ -251,7 +251,7 @@ def numbers_are_integers(domain: Domain, problem: Problem) -> bool:
 
 
 class _Spared(ModuleType):
-    """Takes the place of a module until an engine uses more of it than classes in annotations."""
+    """Replaces a module until an engine uses more of it than classes in annotations."""
 
     def __init__(self, name: str, path: Iterable[str], *annotate: str) -> None:
         super().__init__(name)
@@ -272,8 +272,8 @@ class _Spared(ModuleType):
 
 
 def _spare_imports() -> None:
-    """Save seconds: unified-planning imports networkx, ConfigSpace and so scipy, and uses none."""
-    # Its own readers import pyparsing, and only some engines need them.
+    """Save seconds: unified-planning imports networkx, and scipy by ConfigSpace, but uses none."""
+    # Only its own readers and some engines need pyparsing.
     import unified_planning
 
     for name, *annotate in (
@@ -303,7 +303,7 @@ def _mend_grounder() -> None:
 
 
 def _end_with_error(planner: Any, name: str) -> None:
-    """End the results of a planner that fails in the thread that runs it: nothing else would."""
+    """Make a planner return its errors, because nothing else would end its thread's results."""
     from unified_planning.engines import PlanGenerationResult, PlanGenerationResultStatus
 
     solve = getattr(planner, "_solve", None)
@@ -342,7 +342,7 @@ class Search:
             raise PlannerMissingError(f"engine {engine} {how}, or choose one of {others}")
         domain, problem = self._task.domain, self._task.problem
         if self._task.strict:
-            # What it refuses is refused here, in the same words.
+            # It refuses here as a conversion does, in the same words.
             convert_whole(domain, problem, self._environment)
         error: UnsupportedConstructError | None = None
         asked = False
@@ -393,13 +393,13 @@ class Search:
         return None
 
     def _ask_directly(self, variant: Variant) -> Plan | None:
-        """Give an engine a variant as it is, if it reads it."""
+        """Give an engine a variant directly, if it reads it."""
         if variant.problem is self._task.problem:  # It was asked before this process.
             return None
         left = self._remaining()
         improving = min(IMPROVING_SECONDS, left / 2) if variant.improves else 0
         if improving and not self._task.strict:
-            # The rest is for a plan without soft goals.
+            # The other half is for a plan without soft goals.
             left /= 2
         plans = ask_directly(
             variant.domain,
@@ -416,7 +416,7 @@ class Search:
 
     def _choices(self, variant: Variant, engine: str | None) -> Iterator[tuple[EngineProblem, str]]:
         """Yield the forms of a variant, each with the installed engines to ask."""
-        # Real numbers, and integers where these suffice: most planners for costs want these.
+        # First real numbers, then integers if they suffice: most cost planners want integers.
         forms = [False]
         if numbers_are_integers(variant.domain, variant.problem):
             forms = [True, False] if variant.improves else [False, True]
@@ -457,7 +457,7 @@ class Search:
             return None
         if made is None or result is None:
             missing = self._engines.missing_features(form.problem, name)
-            # What is left when all is compiled away that can be, of the form that lacks least.
+            # The remaining features after all compilations, for the form that lacks the fewest.
             missing = missing.difference(*REMOVALS.values()) or missing
             self._missing[name] = min(self._missing.get(name, missing), missing, key=len)
             return None
@@ -467,12 +467,12 @@ class Search:
         plan = result.plan
         for back in made.back:
             plan = plan.replace_action_instances(back)
-        # Of one that was interrupted while it was improved, too.
+        # Also the status of a search that was interrupted while it improved its plan.
         status = OPTIMAL if result.status.name.lower() == OPTIMAL else SATISFICING
         return self._given(Plan(tuple(self._steps(plan, form.problem)), name, status), variant)
 
     def _given(self, plan: Plan, variant: Variant) -> Plan:
-        """Return a plan of the original problem, with what the planner was given."""
+        """Return a plan of the original problem, with the planner's input."""
         named = ((step, variant.steps.get(fold(step.action), step.action)) for step in plan.steps)
         steps = tuple(replace(step, action=name) for step, name in named if name is not None)
         found = replace(plan, steps=steps, ignored=self._ignored(variant))
@@ -486,7 +486,7 @@ class Search:
         improving = min(IMPROVING_SECONDS, self._remaining() / 2) if improves else None
         if improves and factory.engine(name).is_anytime_planner():
             parameters, best = engine_parameters(name, improving), None
-            # ENHSP watches the time itself, to print its last plan.
+            # ENHSP watches the time itself, so it can print its last plan.
             timeout = None if name == "enhsp-any" else improving
             with factory.AnytimePlanner(name=name, params=parameters) as planner:
                 _end_with_error(planner, name)
@@ -497,7 +497,7 @@ class Search:
         parameters = engine_parameters(name, None if name == "enhsp-any" else improving)
         timeout = None
         if improves and math.isfinite(self._task.timeout) and not self._task.strict:
-            # The rest is for a plan without soft goals.
+            # The other half is for a plan without soft goals.
             timeout = self._remaining() / 2
         with factory.OneshotPlanner(name=name, params=parameters) as planner:
             return planner.solve(problem, timeout=timeout)
@@ -507,7 +507,7 @@ class Search:
         return max(self._task.timeout - (time.monotonic() - self._started), 1.0)
 
     def _ignored(self, variant: Variant) -> tuple[str, ...]:
-        """Return what a variant leaves out, with the reason."""
+        """Return the parts that a variant leaves out, with the reason."""
         if variant.problem.metric is not None or not self._failures:
             return variant.ignored
         reason = "no plan was found with it"
@@ -546,7 +546,7 @@ def _failure(engine: str, result: PlanGenerationResult) -> str:
             return f"{status} ({error[1]})"
         # It also reports this when it gives up or cannot read the problem.
         return "unsolvable_incompletely" if status == "unsolvable_proven" else status
-    # What is indented is the context, of Python or of aries.
+    # Indented lines are the context, of Python or of aries.
     lines = [line for line in said.splitlines() if line.strip() and not line[0].isspace()]
     return f"{status} ({lines[-1][:200]})" if status == "internal_error" and lines else status
 
@@ -574,7 +574,7 @@ def main(directory: str) -> None:
     made = Path(directory, "result.part")
     made.write_bytes(pickle.dumps((outcome, fallbacks)))
     made.rename(Path(directory, "result"))
-    # A thread of an engine that goes on would keep the process.
+    # A thread of an engine that is still running would keep the process.
     os._exit(0)
 
 
