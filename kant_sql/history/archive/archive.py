@@ -1,4 +1,4 @@
-"""The archive: old versions are copied to another store, and removed here."""
+"""Archives: copies old versions to another store, and removes them here."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ def replicate(
     upto: int,
     progress: Progress | None = None,
 ) -> tuple[str, ...]:
-    """Replicate revisions up to one, resuming where an earlier call ended."""
+    """Replicate revisions up to one, continuing an earlier interrupted call."""
     # Each of several transactions leaves the target complete at some revision. Returns where bytes
-    # may remain of what was erased there.
+    # of texts that were erased there may remain.
     batches, at = Batches(), -1
     while at < upto:
         at = retrying(target.backend, lambda: _advance(source, target, upto, batches))
@@ -79,7 +79,7 @@ def _advance(source: ReplicationSide, target: Target, upto: int, batches: Batche
         kb_id = source.find(reader)
         state = read_state(reader, kb_id)
         assert kb_id is not None
-        # What is left of an erased revision is copied with the erasure.
+        # The rest of an erased revision is copied with the erasure.
         upto = max(upto, state.erased)
         stores = Stores(reader, kb_id, session, target_kb)
         check_archive(stores, source.name, head.revision)
@@ -137,7 +137,7 @@ def archive(
         dry_run: count only.
         reason: why.
         actor: who archives; by default the knowledge base's actor.
-        progress: called with the number of revisions copied, and the number in total.
+        progress: called with the number of copied revisions, and their total.
 
     Returns:
         The versions that moved or would move.
@@ -184,7 +184,7 @@ def _last_before(state: State, before: When) -> int:
     before = read_when(before)
     if not isinstance(before, datetime):
         return max(revision_at(state, before) - 1, 0)
-    # A time in the future is refused as it stands.
+    # Raises for a time in the future.
     revision_at(state, before)
     return revision_at(state, just_before(before))
 
@@ -208,7 +208,7 @@ def _move_all(
             revision = made
             moved.update(leaving.versions)
         elif leaving.versions:
-            # An erasure may have come between: the copy has what it erased.
+            # An erasure may have come between: then the copy still has the erased texts.
             replicate(ReplicationSide(store.backend, store.name), target, upto)
         is_over = not leaving.versions or (made is not None and leaving.high == upto)
     return dict(moved), target.backend.label, revision
@@ -217,8 +217,8 @@ def _move_all(
 def _move(
     store: Store, target: Target, upto: int, actor: str | None, reason: str | None
 ) -> tuple[int | None, Leaving]:
-    """Remove some copied versions; return the revision, if any was made, and these versions."""
-    # The target's lock comes first, and is held until its copy is the only one.
+    """Remove some copied versions; return the revision, if any, and these versions."""
+    # The target's lock comes first, and lasts until its copy is the only one.
     with target.locked(durable=True) as (session, target_kb, head):
 
         def check(source: Session, kb_id: int | None) -> tuple[Leaving, str, int]:
@@ -230,8 +230,8 @@ def _move(
             check_archive(stores, store.name, min(head.revision, upto))
             leaving = first_of(source, kb_id, leaving, AT_ONCE)
             compare(leaving, (source, kb_id), (session, target_kb))
-            # Of versions that hold after these revisions, only `until` can still change, unless
-            # something is erased.
+            # After these revisions, only `until` of versions can still change, except by an
+            # erasure.
             return leaving, rest_digest(source, kb_id, leaving.high), erased
 
         leaving, rest, erased = store.query_in_snapshot(check)
@@ -249,6 +249,6 @@ def _move(
 
 
 def record_archive(transaction: Transaction, leaving: Leaving, rest: str, target: str) -> None:
-    """Record that versions were moved, and the hash of what is left of their revisions."""
+    """Record a move of versions, and the hash of the rest of their revisions."""
     said = transaction.allocate(), leaving.high, target, leaving.total, rest
     transaction.record(ARCHIVE, table_of(ArchiveRow), archive_text, *said)

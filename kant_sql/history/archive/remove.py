@@ -1,4 +1,4 @@
-"""Counts the versions to archive, compares them with the target, removes them."""
+"""Counts the versions to archive, compares them with the target, and removes them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Leaving(NamedTuple):
 
     low: int
     high: int
-    versions: dict[str, int]  # how many, by table; without empty tables
+    versions: dict[str, int]  # the number of versions by table; without empty tables
 
     @property
     def total(self) -> int:
@@ -97,12 +97,12 @@ def compare(leaving: Leaving, source: tuple[Session, int], target: tuple[Session
                 )
 
 
-# A query, and how to convert its rows.
+# A query, and the converters of its rows.
 _Statement = tuple[Query, dict[int, Callable[[Any], Any]]]
 
 
-# SQLite stores booleans as numbers. The sum drops the sign of zero, as which PostgreSQL alone has a
-# number too small for a double.
+# SQLite stores booleans as numbers. The sum drops the sign of zero: only PostgreSQL stores a
+# number too small for a double as a signed zero.
 _AS_READ: tuple[tuple[type[Any], Callable[[Any], Any]], ...] = (
     (Boolean, bool),
     (Float, lambda raw: None if raw is None else raw + 0.0),
@@ -211,16 +211,16 @@ def _remove_atoms(part: CopiedTable, atoms: AtomTables) -> tuple[Query, ...]:
 
 
 def refuse_without_right(store: Store) -> None:
-    """Refuse early who may not archive."""
+    """Refuse users early who may not archive."""
     with begin_on(store.backend, write=True) as session:
         session.run(_SET, kb=_NONE, upto=0)
 
 
 def remove(session: Session, kb_id: int, leaving: Leaving) -> None:
     """Remove archived versions and what only they need, and record it in the head."""
-    # Names stay, with their spelling and id, and so do ground atoms of objects that have a version:
+    # Names stay, with their spelling and id, and so do ground atoms of objects with a version:
     # they may come back, and a state lists elements by id. Atoms of an object without a version go,
-    # unless they were confirmed, or something was said of them.
+    # unless they have confirmations or sayings.
     session.replan()
     parameters = {"kb": kb_id, "low": leaving.low, "high": leaving.high}
     for part in ARCHIVED_TABLES:

@@ -1,7 +1,7 @@
-"""Erases where a part of the history is in an archive: it is found there, and recorded here.
+"""Erases texts if an archive has a part of the history: finds them there, records them here.
 
-The archive has all versions, so the erasure is made there first, and taken back: what it writes is
-written here as well, as far as it is here. Then the archive follows, as any replica.
+The archive has all versions, so the erasure is first made there and rolled back; its writes are
+repeated here, for the rows that are here. Then the archive follows, like any replica.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ from ..verify.parts import WHOLE, Part
 from ..verify.sides import Check, Report
 from ..verify.verify import verify_session
 
-# How often it is tried to have the archive at the store's last revision, while others write.
+# Attempts to bring the archive to the store's last revision, while others write.
 _ATTEMPTS = 20
 
 
 @contextmanager
 def open_archive(store: Store, url: str) -> Iterator[ArchivedPart]:
-    """Open the archive of a knowledge base for an erasure; refuse what is not its whole archive."""
+    """Open the archive of a knowledge base for an erasure; refuse another or an incomplete one."""
     expect(url, str, "the URL of the archive", InvalidUrlError)
     store.refuse_read_only()
     refuse_without_right(store)
@@ -62,13 +62,13 @@ def open_archive(store: Store, url: str) -> Iterator[ArchivedPart]:
 class ArchivedPart:
     """The archive that an erasure reaches."""
 
-    stores: Stores  # the archive and the store, within a transaction: the former's is rolled back
+    stores: Stores  # the archive and the store, in transactions: the archive's is rolled back
 
     def __init__(self, store: Store, target: Target) -> None:
         self._store = store
         self._target = target
         self._source = ReplicationSide(store.backend, store.name)
-        # What ended up to this revision was moved there; the hash of the rest.
+        # Versions that ended up to this revision were moved there; the hash of the rest.
         self.upto, self._rest = 0, ""
 
     def check(self) -> None:
@@ -118,7 +118,7 @@ class ArchivedPart:
         )
 
     def _check_rest(self, session: Session, kb_id: int) -> None:
-        """Check what is left here of the archived revisions: another hash of it is recorded."""
+        """Check the rest of the archived revisions: it must have the recorded hash."""
         self._rest = rest_digest(session, kb_id, self.upto)
         if not self._is_last_rest(session, kb_id):
             raise StoreIntegrityError(
@@ -132,7 +132,7 @@ class ArchivedPart:
         return [(one.revision, one.rest) for one in records[-1:]] == [(self.upto, self._rest)]
 
     def _refuse_moved(self) -> None:
-        """Refuse what another moved or erased there since the check, which no writer waits for."""
+        """Refuse if others have moved or erased versions since the check, which locks nothing."""
         *_, session, kb_id = self.stores
         if not self._is_last_rest(session, kb_id):
             raise StoreBusyError(
@@ -142,7 +142,7 @@ class ArchivedPart:
             )
 
     def writer(self, renaming: Renaming) -> TextWriter:
-        """Return what renames an object in the archive, and here."""
+        """Return a writer that renames an object in the archive and here."""
         there, kb_id, session, own_id = self.stores
         identities = Identities(self.stores, may_return=True)
 
@@ -160,7 +160,7 @@ class ArchivedPart:
         return TextWriter(there, kb_id, self._store.name, renaming, also)
 
     def finish(self, transaction: Transaction, renaming: Renaming | None, erasure_id: int) -> None:
-        """Rename what is here alone, record what is left, and check all of it."""
+        """Rename in the rows that only this store has, record the rest, and check everything."""
         *_, session, kb_id = self.stores
         name = self._store.name
         if renaming is not None:
@@ -179,7 +179,7 @@ class ArchivedPart:
             )
 
     def follow(self, revision: int | None) -> tuple[str, ...]:
-        """Erase in the archive; say where bytes of it may remain."""
+        """Erase in the archive; return where bytes of it may remain."""
         backend = self._target.backend
         try:
             return replicate(self._source, self._target, revision or 0)
@@ -189,7 +189,7 @@ class ArchivedPart:
 
 
 class ArchiveDestroyer(Destroyer):
-    """Destroys parts that are in an archive; what is left is written where versions lack."""
+    """Destroys parts in an archive; writes the results to the store, which lacks the versions."""
 
     def __init__(self, name: str, moved: ArchivedPart) -> None:
         there, kb_id, *_ = moved.stores

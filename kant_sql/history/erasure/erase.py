@@ -50,7 +50,7 @@ _SAYING_IT = {
     )
     for label in SAID
 }
-# An erased text that is shorter may be a part of any word.
+# A shorter erased text may be a part of any word.
 _TELLING = 4
 
 
@@ -77,12 +77,12 @@ class Erased(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """What is to be erased, as it was asked for."""
+    """What to erase, as requested."""
 
     name: str | None
-    also: tuple[str, ...]  # what revisions say that contains the name
-    said: Mapping[int, tuple[str, ...]]  # what some revisions say
-    is_by_rule: bool = False  # not chosen for what it says, which may be said again
+    also: tuple[str, ...]  # parts of revisions to erase if they contain the name
+    said: Mapping[int, tuple[str, ...]]  # parts of some revisions
+    is_by_rule: bool = False  # chosen by a rule, not by its text, which may be used again
 
 
 def erase(
@@ -153,7 +153,7 @@ def run_erasure(
     reason: str | None,
     archive: str | None,
 ) -> Erased:
-    """Erase in a revision of its own, and remove the bytes; without a part, there is none."""
+    """Erase in its own revision, and remove the bytes; without an erased part, make no revision."""
     with opened(store, archive) as moved:
         done = None
         with suppress(NothingErasedError), begun(store, moved, actor, reason) as transaction:
@@ -167,14 +167,14 @@ def run_erasure(
             "knowledge base %r: revision %s erased %d texts of %d revisions",
             *(store.name, done.revision, done.parts, done.revisions),
         )
-        # Here first: it is on disk before the archive follows, which cannot be ahead.
+        # First here: the erasure must be on disk before the archive, which must not be ahead.
         remaining = store.backend.wipe()
         return done._replace(remaining=remaining + (moved.follow(done.revision) if moved else ()))
 
 
 def opened(store: Store, archive: str | None) -> AbstractContextManager[ArchivedPart | None]:
-    """Open the archive that an erasure reaches, if one is given."""
-    # An erasure is a revision of its own.
+    """Open the archive for an erasure, if one is given."""
+    # An erasure has its own revision.
     store.refuse_open()
     return nullcontext() if archive is None else open_archive(store, archive)
 
@@ -192,7 +192,7 @@ def make_wanted(
     revisions: Collection[int],
     parts: Collection[str],
 ) -> Wanted:
-    """Check what is to be erased."""
+    """Check the request."""
     name, error = None, InvalidArgumentError
     if element is not None:
         given: Any = expect(element, (PddlObjectDto, str), "what to erase", InvalidArgumentError)
@@ -216,7 +216,7 @@ def make_wanted(
 
 
 class NothingErasedError(Exception):
-    """Rolls the transaction of an erasure back."""
+    """Rolls back the transaction of an erasure."""
 
 
 class Eraser:
@@ -233,7 +233,7 @@ class Eraser:
         self._moved = moved
 
     def run(self) -> Erased:
-        """Erase, and record it."""
+        """Erase, and record the erasure."""
         transaction, wanted, moved = self._transaction, self._wanted, self._moved
         if moved is None:
             self._refuse_archived()
@@ -264,7 +264,7 @@ class Eraser:
         of = TEXTS if found is None else OBJECT, element_id, pseudonym
         what = transaction.head.revision, *of, destroyer.parts, destroyer.digest()
         transaction.record(ERASURE, _ERASURE, erasure_text, id_, *what)
-        # What is written below refers to its row.
+        # The rows below refer to this one.
         transaction.flush()
         destroyer.write(id_, said)
         if moved is not None:
@@ -294,7 +294,7 @@ class Eraser:
         return found
 
     def _refuse_telling(self, text: str) -> None:
-        """Refuse an erasure that itself says what it erases."""
+        """Refuse an erasure whose own actor or reason contains the erased text."""
         said = self._transaction.metadata
         for label, given in (("actor", said.actor), ("reason", said.reason)):
             if given is None:
@@ -306,7 +306,7 @@ class Eraser:
                 )
 
     def _said(self, pseudonym: str, name: str | None) -> dict[int, dict[str, str]]:
-        """Find which parts of which revisions are to be erased."""
+        """Find the parts of revisions to erase."""
         session, kb, wanted = self._session, self._kb, self._wanted
         asked = {**wanted.said}
         if name is not None:
@@ -334,19 +334,19 @@ class Eraser:
 
 
 def tells(text: str, name: str) -> bool:
-    """Return whether a text has a name: a short one as a word, a longer one also within a word."""
+    """Return whether a text contains a name: a short one as a word, a longer one anywhere."""
     if len(name) < _TELLING:
         return has_word(text, name)
     return any(is_in(one, text) for one in spellings(name))
 
 
 def patterns_of(session: Session, name: str) -> set[str]:
-    """Return the patterns of what contains a name, however it is spelled."""
+    """Return the patterns of texts that contain a name, in any spelling."""
     return {pattern_of(session, spelled, is_composed=False) for spelled in spellings(name)}
 
 
 def next_pseudonym(session: Session, kb_id: int) -> str:
-    """Return a name that nothing has had."""
+    """Return a name that no element has ever had."""
     rows = session.rows(_GIVEN_OUT, kb=kb_id, like=f"{PREFIX}%")
     taken = {row[0].removeprefix(PREFIX) for row in rows}
     return f"{PREFIX}{1 + max((int(one) for one in taken if one.isdecimal()), default=0)}"

@@ -23,13 +23,13 @@ from ...store.state import State
 from ..rewriting.texts import WITH_TREES
 from .erase import Eraser, NothingErasedError, begun, make_wanted, opened, patterns_of, tells
 
-# Texts of one place that are listed.
+# The maximum number of listed texts per place.
 LISTED = 100
-# How much two names have in common that are similar, from 0 to 1.
+# The minimum similarity of similar names, from 0 to 1.
 _SIMILAR = 0.8
 _DOCUMENT = t.TABLES["document_version"]
 _Place = tuple[str, Any, str, str | None]
-# Texts that people and planners wrote, and that are not written again from rows.
+# Texts by people and planners, which are not rewritten from rows.
 _PLACES: tuple[_Place, ...] = (
     ("actor", table_of(t.RevisionRow), "actor", "number"),
     ("reason", table_of(t.RevisionRow), "reason", "number"),
@@ -52,7 +52,7 @@ _PLACES: tuple[_Place, ...] = (
     ),
     *(("preference", t.TABLES[f"{kind}_node"], "value", None) for kind in WITH_TREES),
 )
-# The name, and where other stores are: of this store alone, also where an archive has the history.
+# The name, and other stores' places: only from this store, even if an archive has the history.
 _OWN: tuple[_Place, ...] = (
     ("knowledge base", table_of(t.KnowledgeBaseRow), "name", None),
     ("archive", table_of(t.ArchiveRow), "target", "revision"),

@@ -32,7 +32,7 @@ _ERASURE = table_of(t.ErasureRow).c
 
 
 class RetentionRule(NamedTuple):
-    """A rule that erases parts of revisions of an actor after some time.
+    """A rule that erases parts of an actor's revisions after some time.
 
     Attributes:
         actor: whose revisions; None for all.
@@ -72,7 +72,7 @@ def _read_rule(line: str) -> RetentionRule:
             f"{shown(line)} is not a rule of retention; write an actor or *, an age and parts: "
             "camera 30d reason,source"
         )
-    # Quotes around it, not those that are a part of it.
+    # Quotes around it, not quotes within it.
     quoted = _QUOTED.fullmatch(words[0])
     actor = storable_text(words[0] if quoted is None else quoted[1], "actor")
     after = period(_UNITS[age[2]] * int(age[1]), "the age")
@@ -81,13 +81,13 @@ def _read_rule(line: str) -> RetentionRule:
 
 @cache
 def _old(label: str, is_any: bool) -> Query:
-    """Find revisions of form 2 that are older, and of which this part was not erased yet."""
+    """Find older revisions of form 2 whose part has not been erased yet."""
     position = constant(SAID_AT[label])
     gone = select(_PART.number).where(
         *(_PART.kb_id == KB, _PART.number == _REVISION.number, _PART.position == position),
         _PART.erasure_id.is_not(None),
     )
-    # Who has erased, and why, stays.
+    # The actors and reasons of erasures stay.
     erased = select(_ERASURE.id).where(_ERASURE.kb_id == KB, _ERASURE.since == _REVISION.number)
     return Query(
         select(_REVISION.number).where(
@@ -102,7 +102,7 @@ def _old(label: str, is_any: bool) -> Query:
 
 
 def _checked(rules: Iterable[RetentionRule]) -> list[RetentionRule]:
-    """Check rules, each alone and beside the others."""
+    """Check rules, each by itself and together with the others."""
     listed = iterate(rules, "the rules of retention", "a list of rules", InvalidArgumentError)
     given = [_checked_rule(rule) for rule in listed]
     for rule in given:

@@ -29,7 +29,7 @@ FIRST_REVISIONS = 50
 
 
 class Batches:
-    """The batches of one call: how much they have written, and how large the next one is."""
+    """The batches of one call: counts their versions, and chooses the size of the next one."""
 
     def __init__(self) -> None:
         self.versions = 0
@@ -37,14 +37,14 @@ class Batches:
         self._revisions = FIRST_REVISIONS
 
     def following(self, here: HeadState, head: Head, upto: int, may_return: bool) -> CopyRange:
-        """Return the revisions that come next after a target's head, up to one of the source."""
-        # A replica has no part of an erasure without all of it.
+        """Return the next revisions after a target's head, up to one of the source."""
+        # A replica gets an erasure only as a whole.
         high = min(upto, max(head.revision + self._revisions, here.erased))
         redefined = here.definition_revision > head.revision
         return CopyRange(head.revision + 1, high, may_return, redefined, here.erased)
 
     def add(self, copied: Copied) -> None:
-        """Count what a batch has written, and adapt the size of the next one."""
+        """Count the versions of a batch, and adapt the size of the next one."""
         self.versions += copied.rows
         self.erasures += copied.erasures
         if copied.rows < ROWS // 2:
@@ -54,7 +54,7 @@ class Batches:
 
 
 def wipe(backend: Backend) -> tuple[str, ...]:
-    """Remove bytes of what a target erased; return where some may remain."""
+    """Remove bytes of texts that a target erased; return where some may remain."""
     remaining = backend.wipe()
     for place in remaining:
         logger.warning("%s: bytes of what was erased may remain in %s", backend.label, place)
@@ -74,7 +74,7 @@ def copy_batch(
     stores: Stores, source: ReplicationSide, here: HeadState, head: Head, bounds: CopyRange
 ) -> Copied:
     """Copy some revisions into a locked target, check their hashes there, and commit."""
-    # A batch with a wrong hash raises, and nothing of it is written. `here` is the source's head.
+    # A batch with a wrong hash raises, and writes nothing. `here` is the source's head.
     name = source.name
     place = f"{_several(bounds)} of knowledge base {name!r} of {stores.source.backend.label}"
     followed = Followed(stores, name, bounds)
@@ -85,7 +85,7 @@ def copy_batch(
         last = _check(stores, name, head, bounds, copied)
         followed.check()
     _, _, target, target_kb = stores
-    # No id of the origin is given out again by a replica that was promoted.
+    # A promoted replica must not give out an id of the origin again.
     given_out = here.next_id if bounds.high == here.revision else 0
     next_id = max(head.next_id, copied.largest_id + 1, given_out)
     definitions = max(head.definition_revision, copied.definition_revision)
@@ -97,7 +97,7 @@ def copy_batch(
 
 @contextmanager
 def _naming_both(stores: Stores, name: str, bounds: CopyRange) -> Iterator[None]:
-    """Name both stores when rows are refused: a constraint does not say whose were altered."""
+    """Name both stores if rows are refused: a constraint does not show which were altered."""
     try:
         yield
     except StoreIntegrityError as error:
@@ -122,7 +122,7 @@ def move(
     definition_revision: int,
     next_id: int,
 ) -> None:
-    """Move the head of a replica and what it says of its origin; without `last`, the latter."""
+    """Move the head of a replica and the state of its origin; without `last`, only the latter."""
     number, digest = (head.revision, head.hash) if last is None else (last.number, last.hash)
     at = head.committed_at if last is None else text_time(last.committed_at)
     moments = (at, here.committed_at, head.clock)
@@ -146,7 +146,7 @@ def move(
 
 
 def _check(stores: Stores, name: str, head: Head, bounds: CopyRange, copied: Copied) -> Link:
-    """Recompute the hashes of what was copied, from the target; return the last revision."""
+    """Recompute the hashes of copied revisions, from the target; return the last revision."""
     previous = head.hash
     earliest = "" if head.committed_at is None else time_text(head.committed_at)
     expected, last, wrong = bounds.low, None, partial(_wrong, stores, name, bounds)

@@ -1,4 +1,4 @@
-"""The calls of replication: push, as an open knowledge base makes it, and promote."""
+"""The calls of replication: push to another store, with open connections, and promote."""
 
 from __future__ import annotations
 
@@ -33,27 +33,27 @@ from .target import ReplicationSide, Target, open_store
 
 logger = logging.getLogger("kant_sql.history")
 
-# What another connection may not meet: the store was replaced, or is of another version by now.
+# Errors that a new connection may not have: the store was replaced, or has another version now.
 _STALE = ClosedError, SchemaError, StoreReplacedError, TableMissingError
-# What all of this module's objects share is changed under it.
+# Guards changes of the state that all objects of this module share.
 _GUARD = unforked()
 
 
 class _OpenTarget:
-    """A store that is kept open; it is closed when it is forgotten, after its last push."""
+    """A store that stays open; a forgotten one closes after its last push."""
 
     def __init__(self, backend: Backend) -> None:
         self.backend = backend
-        self.pushes = 0  # how many run
-        self.is_forgotten = False  # whether no further push begins here
-        # Of each knowledge base, its id in the source and in here, once they are known.
+        self.pushes = 0  # the number of running pushes
+        self.is_forgotten = False  # whether no further push begins on it
+        # For each knowledge base, its id in the source and in the target, once known.
         self.ids: dict[str, tuple[int | None, int | None]] = {}
 
 
 class _Targets:
-    """The stores that the knowledge bases of one store were pushed to.
+    """The stores to which the knowledge bases of one store were pushed.
 
-    A robot pushes every few seconds; another connection would take longer than what it sends.
+    A robot pushes every few seconds; a new connection would take longer than the data.
     """
 
     def __init__(self, source: Backend) -> None:
@@ -62,7 +62,7 @@ class _Targets:
 
     @contextmanager
     def using(self, url: str, source: Backend) -> Iterator[_OpenTarget]:
-        """Keep a store open for the length of a `with` block; it is opened if it is not yet."""
+        """Keep a store open during a `with` block; open it if needed."""
         with _GUARD:
             target = self._open.get(url)
             if target is not None:
@@ -85,11 +85,11 @@ class _Targets:
                 target.backend.close()
 
     def is_open(self, url: str) -> bool:
-        """Whether a store is kept open."""
+        """Whether a store is open."""
         return url in self._open
 
     def forget(self, url: str, target: _OpenTarget | None = None) -> None:
-        """Keep a store open no longer; with `target`, unless it was opened again since."""
+        """Stop keeping a store open; with `target`, unless it was opened again since."""
         with _GUARD:
             found = self._open.get(url)
             if found is None or target not in (None, found):
@@ -101,7 +101,7 @@ class _Targets:
             found.backend.close()
 
     def close(self) -> None:
-        """Close all of them, even below their pushes."""
+        """Close all stores, even during their pushes."""
         for url, target in [*self._open.items()]:
             self.forget(url)
             target.backend.close()
@@ -191,8 +191,8 @@ def _push(store: Store, url: str, terms: Terms, progress: Progress | None) -> Pu
         except _STALE:
             if source.is_closed:
                 raise
-            # An earlier call opened it; what has this URL by now may be fit.
-    # A file that gets no revision is not left behind.
+            # An earlier call opened it; the present store at this URL may work.
+    # Remove a new file that gets no revision.
     with closing(create_backend(url)) as file:
         is_new, done = not file.exists(), None
         try:

@@ -1,4 +1,4 @@
-"""Copies a range of revisions, with all that they refer to, into another store."""
+"""Copies a range of revisions, with everything that they refer to, into another store."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ _REVISION, _LINK = table_of(t.RevisionRow), table_of(t.RevisionExecutionRow)
 
 
 def _rows_of(table: Table, *conditions: ColumnElement[bool]) -> Select[Any]:
-    """Select rows of a table, with all of its columns in order."""
-    # As text: a driver would parse the JSON document, whose text was hashed.
+    """Select rows of a table, with all columns in order."""
+    # As text: a driver would parse the JSON document, but the hash covers its text.
     is_json = {_REVISION.c.source}
     columns = (cast(column, Text) if column in is_json else column for column in table.columns)
     return select(*columns).where(table.c.kb_id == KB, *conditions)
@@ -74,7 +74,7 @@ class CopiedTable(NamedTuple):
     version: Table
     owner: tuple[str, ...]  # the columns of the identity, without `kb_id`
     children: tuple[Table, ...] = ()  # the tables below it, parents first
-    # of what is removed with its last version; None for named elements and outcomes
+    # for identities that are removed with their last version; None for names and outcomes
     atoms: AtomTables | None = None
     is_definition: bool = False  # whether its changes move `head.definition_revision`
 
@@ -89,16 +89,16 @@ ARCHIVED_TABLES = (
 )
 IDENTITIES = {*(kind.identity for kind in KIND_TABLES.values()), *ATOMS}
 PLAN = table_of(t.PlanRow)
-# What is recorded once, beside plans.
+# Records that are written once, besides plans.
 ERASURE = table_of(t.ErasureRow)
 RECORDS = table_of(t.ArchiveRow), table_of(t.PromotionRow), ERASURE
-# Rows stay in the store when versions are moved to an archive, as records do.
+# When versions move to an archive, these rows stay in the store, as records do.
 CONFIRMATION = table_of(t.ConfirmationRow)
 SAYINGS = tuple(atoms.sayings for atoms in ATOMS.values())
 COMMITMENT, REPLACEMENT = table_of(t.CommitmentRow), table_of(t.ReplacementRow)
 EXECUTION, ARGUMENT = table_of(t.ExecutionRow), table_of(t.ExecutionArgumentRow)
 VERSION = table_of(t.ExecutionVersionRow)
-# When an act began is its first outcome: all of them stay in the store.
+# An act began with its first outcome, so all of them stay in the store.
 OUTCOMES = CopiedTable(VERSION, ("plan_id", "position"))
 
 
@@ -122,7 +122,7 @@ def references(table: Table) -> tuple[tuple[int, Table], ...]:
     return tuple(sorted(found, key=lambda reference: reference[0]))
 
 
-# Identities that are cached of each table.
+# The maximum number of cached identities per table.
 _REMEMBERED = 100_000
 
 
@@ -137,7 +137,7 @@ class Stores(NamedTuple):
 
 @cache
 def _of_ids(owner: ColumnElement[int], *columns: ColumnElement[Any]) -> Query:
-    """Read columns of the rows of a table, or all of them, by the ids in one of them."""
+    """Read columns of the rows of a table, or all columns, by the ids in one of them."""
     table: Any = owner.table
     rows = _rows_of(table)
     some = rows.with_only_columns(*columns) if columns else rows
@@ -154,7 +154,7 @@ def _by_key(atoms: AtomTables) -> Query:
 
 
 class Identities:
-    """The identities that one transaction needs in the target; it writes those that are missing.
+    """The identities that one transaction needs in the target; it writes the missing ones.
 
     A name keeps its id in both stores. A ground atom that was archived and came back has a new id
     in the source, and its old one in the target.
@@ -164,7 +164,7 @@ class Identities:
         self._stores = stores
         self._may_return = may_return
         self._ids: dict[Table, dict[int, int]] = {table: {} for table in IDENTITIES}
-        self.largest = 0  # the largest id that was written
+        self.largest = 0  # the largest written id
 
     def trim(self) -> None:
         """Bound the cache, between batches of rows."""
@@ -173,7 +173,7 @@ class Identities:
                 known.clear()
 
     def bring(self, table: Table, rows: Sequence[Row]) -> None:
-        """Copy what rows refer to where the target lacks it."""
+        """Copy the identities that rows refer to, if the target lacks them."""
         wanted: defaultdict[Table, set[int]] = defaultdict(set)
         for index, identity in references(table):
             wanted[identity].update(row[index] for row in rows if row[index] is not None)
@@ -181,7 +181,7 @@ class Identities:
             self.bring_ids(identity, ids)
 
     def bring_ids(self, table: Table, ids: set[int]) -> None:
-        """Copy some identities where the target lacks them."""
+        """Copy some identities, if the target lacks them."""
         missing = ids - self._ids[table].keys()
         if missing:
             self._bring(table, sorted(missing))
@@ -192,12 +192,12 @@ class Identities:
 
     def known_id(self, id_: int) -> int:
         """Return the id in the target of an element that these revisions change."""
-        # No two elements have one id, whatever they are.
+        # No two elements of any kind have the same id.
         facts, fluents = (self._ids[table] for table in ATOMS)
         return facts.get(id_) or fluents.get(id_) or id_
 
     def find_ids(self, table: Table, ids: set[int]) -> Mapping[int, int]:
-        """Find some identities in the target; nothing is written."""
+        """Find some identities in the target, without writing."""
         self._find(table, sorted(ids - self._ids[table].keys()))
         return self._ids[table]
 
@@ -214,7 +214,7 @@ class Identities:
         self._write(table, rows)
 
     def _find(self, table: Table, ids: list[int]) -> list[Row]:
-        """Find identities in the target; return the rows of those that it lacks."""
+        """Find identities in the target; return the rows of the missing ones."""
         if not ids:
             return []
         source, source_kb, target, target_kb = self._stores
@@ -230,7 +230,7 @@ class Identities:
         return rows
 
     def _recognise(self, atoms: AtomTables, rows: list[Row]) -> list[Row]:
-        """Map atoms that the target knows by another id; return the others."""
+        """Map atoms that have another id in the target; return the others."""
         _, _, target, target_kb = self._stores
         *exact, last = (list(atoms.identity.c.keys()).index(name) for name in atoms.key)
         flags = [isinstance(atoms.identity.c[name].type, Boolean) for name in atoms.key[:-1]]
@@ -291,16 +291,16 @@ class CopyRange(NamedTuple):
     high: int  # the last
     may_return: bool  # whether atoms may have other ids in the target, because of an archive
     redefined: bool  # whether they may change definitions
-    erased: int  # the last erasure in the store that they come from; 0: there is none
+    erased: int  # the last erasure in the source; 0 without one
 
 
 class Copied(NamedTuple):
     """The result of a copy."""
 
-    rows: int  # how many versions were written or closed
-    definition_revision: int  # the last revision that changed a definition; 0 for none of these
-    largest_id: int  # the largest id that was written; 0 for none
-    erasures: int = 0  # how many the target followed
+    rows: int  # the number of versions written or closed
+    definition_revision: int  # the last revision that changed a definition; 0 without one
+    largest_id: int  # the largest written id; 0 without one
+    erasures: int = 0  # the number of erasures that the target followed
 
 
 def _all_of(table: Table, *condition: ColumnElement[bool]) -> Query:
@@ -310,7 +310,7 @@ def _all_of(table: Table, *condition: ColumnElement[bool]) -> Query:
 
 @cache
 def _asserted(table: Table) -> Query:
-    """Select the rows that begin in the range, or that have a number in it."""
+    """Select the rows that begin in the range, or whose number is in it."""
     number = table.c.since if "since" in table.c else table.c.number
     return Query(_rows_of(table, in_range(number)))
 
@@ -352,7 +352,7 @@ def _children(part: CopiedTable, child: Table) -> Query:
 def _recorded(table: Table) -> Query:
     """Select the rows of the executions that the range recorded."""
     plans = select(PLAN.c.id).where(PLAN.c.kb_id == KB, in_range(PLAN.c.since))
-    # An execution of no plan is recorded with its first outcome.
+    # An execution without a plan is recorded with its first outcome.
     began, execution = VERSION.alias("began").c, EXECUTION.alias("own").c
     own = select(began.position).where(
         began.kb_id == KB, began.plan_id == constant(NO_PLAN), in_range(began.since)
@@ -379,7 +379,7 @@ class Copy:
         self._high = high
         # Whether the range may change definitions.
         self._redefined = redefined
-        # Whether it may have an erasure, or what one left.
+        # Whether it may have an erasure, or its results.
         self._erased = erased >= low
         self._identities = Identities(stores, may_return)
         self._rows = 0
@@ -396,7 +396,7 @@ class Copy:
         if self._insert(EXECUTION, _recorded(EXECUTION)):
             self._insert(ARGUMENT, _recorded(ARGUMENT))
         self._copy_part(OUTCOMES)
-        # Commitments last: they name atoms of these revisions by ids, which may be others in the
+        # Commitments last: they name atoms of these revisions by ids, which may differ in the
         # target.
         for table in (_LINK, *RECORDS, CONFIRMATION, *SAYINGS, COMMITMENT, REPLACEMENT):
             if self._erased or table not in (ERASURE, COMMITMENT, REPLACEMENT):
@@ -452,7 +452,7 @@ class Copy:
         def adapt(row: Row) -> Row:
             values = list(converted(row, convert))
             if values[until] is not None and values[until] > self._high:
-                # A version that a later revision retracts is open at the last of these.
+                # At the end of the range, a version that a later revision retracts is open.
                 values[until] = None
             if "fork" in names:
                 values[names.index("fork")] = fork(values[since], values[until])
@@ -461,7 +461,7 @@ class Copy:
         return adapt
 
     def _close(self, part: CopiedTable) -> int:
-        """Close versions that earlier revisions asserted."""
+        """Close versions of earlier revisions."""
         names = [f"own_{name}" for name in (*part.owner, "since", "until")]
         target, target_kb = self._stores.target, self._stores.target_kb
         count = 0
@@ -482,7 +482,7 @@ class Copy:
         return count
 
     def _with_own_ids(self, part: CopiedTable, rows: list[Row]) -> list[Row]:
-        """Replace the ids that rows begin with by those in the target."""
+        """Replace the ids at the beginning of rows by those in the target."""
         if part.atoms is None:
             return rows
         identity = part.atoms.identity
@@ -491,5 +491,5 @@ class Copy:
         return [(self._identities.id_of(identity, row[0]), *row[1:]) for row in rows]
 
     def _see(self, revisions: Iterable[int]) -> None:
-        """Note revisions that changed a definition."""
+        """Record revisions that changed a definition."""
         self._definition_revision = max(self._definition_revision, *revisions, 0)

@@ -1,4 +1,4 @@
-"""Erasures reach replicas: each erases in its own rows, and compares what is left."""
+"""Erasures reach replicas: each replica erases in its own rows, and compares the results."""
 
 from __future__ import annotations
 
@@ -74,12 +74,12 @@ class Followed:
         self._bounds = bounds
         self._identities = Identities(stores, bounds.may_return)
         self._touched: list[int] = []
-        # Of what an archive has: the source has no salt.
+        # For parts in an archive: the source has no salt for them.
         self._salts: dict[tuple[int, int], bytes] = {}
         self.ids: list[int] = []
 
     def erase(self) -> None:
-        """Erase in what the target has already, before it gets these revisions."""
+        """Erase in the target's present rows, before it gets these revisions."""
         source, source_kb, target, target_kb = self._stores
         low, high, _, _, last = self._bounds
         if last < low:
@@ -129,7 +129,7 @@ class Followed:
                     self._salts[place] = salt
 
     def _take_parts(self, numbers: list[int]) -> None:
-        """Take over what is left of some revisions: commitments, salts, and what they say."""
+        """Copy the rest of some revisions: commitments, salts, and actor, reason and source."""
         source, source_kb, target, target_kb = self._stores
         here = {"kb": source_kb, "numbers": source.list_value(numbers)}
         there = {"kb": target_kb, "numbers": target.list_value(numbers)}
@@ -171,7 +171,7 @@ class Followed:
 
 
 def touched_by(session: Session, kb_id: int, ids: Sequence[int], low: int = LARGEST) -> list[int]:
-    """Return the revisions, below one, in which some erasures erased."""
+    """Return the revisions, below one, in which some erasures erased texts."""
     listed = session.list_value([*ids])
     return [row[0] for row in session.rows(_TOUCHED, kb=kb_id, ids=listed, low=low)]
 
@@ -179,7 +179,7 @@ def touched_by(session: Session, kb_id: int, ids: Sequence[int], low: int = LARG
 def _replacements(
     session: Session, kb_id: int, numbers: list[int]
 ) -> dict[tuple[int, int], tuple[list[int], bytes | None]]:
-    """Return, of each part that is erased, the erasures, and the salt of what is there now."""
+    """Return, for each erased part, its erasures, and the salt of the present text."""
     listed = session.list_value(numbers)
     found: dict[tuple[int, int], tuple[list[int], bytes | None]] = {}
     for row in sorted(session.rows(_rows(REPLACEMENT), kb=kb_id, numbers=listed), key=_IN_ORDER):
@@ -190,9 +190,8 @@ def _replacements(
 
 
 def first_fault(session: Session, kb_id: int, name: str, touched: Collection[int]) -> str | None:
-    """Recompute the hashes of some revisions and the digests of all erasures; say what is wrong."""
-    # Of a revision of which a part is in an archive, what is left is checked with the digests
-    # alone.
+    """Recompute the hashes of some revisions and the digests of all erasures; return a fault."""
+    # For a revision with a part in an archive, only the digests check the rest.
     report, upto = Report(), read_position(session, kb_id).archived
     erasures = ErasureCheck(Check(session, kb_id, report), read_erasures(session, kb_id))
     erased = [number for (number,) in session.rows(_ERASED, kb=kb_id)]

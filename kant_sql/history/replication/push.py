@@ -1,4 +1,4 @@
-"""Pushes a knowledge base to another store: what is missing there, revision by revision."""
+"""Pushes a knowledge base to another store: the missing revisions, in batches."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ class Pushed(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """What a push may do."""
+    """The options of a push."""
 
-    # the URL of the archive that has what the source no longer has; None for the one that the
+    # the URL of the archive with the moved versions of the source; None for the one that the
     # source names
     archive: str | None = None
     # whether a knowledge base that is not a replica becomes one, if its history fits
@@ -72,9 +72,9 @@ def send(
     progress: Progress | None = None,
     is_stopped: Callable[[], bool] = lambda: False,
 ) -> Pushed:
-    """Send what a target lacks, as the question `push` describes."""
+    """Send the revisions that a target lacks, as the question `push` describes."""
     # Each of several transactions leaves the target complete at some revision. `is_stopped` is
-    # asked between them.
+    # called between them.
     with ExitStack() as stack:
         return _Push(source, target, terms, stack).run(progress, is_stopped)
 
@@ -89,12 +89,12 @@ class _Push:
     _batches: Batches = field(default_factory=Batches)
 
     def run(self, progress: Progress | None, is_stopped: Callable[[], bool]) -> Pushed:
-        """Compare the heads, and send batches until the target has all of the source."""
+        """Compare the heads, and send batches until the target has all revisions of the source."""
         # One statement on each side, once the ids are known.
         here, there = self._retrying(lambda: (read_head(self._source), read_head(self._target)))
         before, at = there.revision, there.revision
         is_same = (there.revision, there.hash) == (here.revision, here.hash)
-        # What is not a replica may be ahead, which is refused.
+        # A knowledge base that is not a replica may be ahead; the check refuses it.
         is_replica = there.origin is not None or there.revision == 0
         is_over = is_replica and (is_same or here.revision == 0)
         while not is_over and not is_stopped():
@@ -137,7 +137,7 @@ class _Push:
         return here, bounds.high, bounds.high == here.revision
 
     def _check(self, stores: Stores, here: HeadState, head: Head) -> None:
-        """Refuse a target with another history, or one that somebody else may write to."""
+        """Refuse a target with another history, or one that others may write to."""
         name, label = self._source.name, self._target.backend.label
         at = min(here.revision, head.revision)
         if at:
@@ -171,7 +171,7 @@ class _Push:
             )
 
     def _refuse_restored(self, stores: Stores, here: HeadState) -> None:
-        """Refuse a source that lacks an erasure: it has again what was erased."""
+        """Refuse a source that lacks an erasure: its erased texts came back."""
         session, kb_id = stores.target, stores.target_kb
         erased = read_state(session, kb_id).erased
         if erased <= here.revision:
@@ -193,7 +193,7 @@ class _Push:
         )
 
     def _adopt(self, stores: Stores, here: HeadState, head: Head) -> None:
-        """Make a replica of a target that has all revisions already."""
+        """Make a target a replica if it already has all revisions."""
         if head.origin is None and head.revision == here.revision:
             session, kb_id = stores.target, stores.target_kb
             next_id = max(head.next_id, here.next_id)
@@ -205,7 +205,7 @@ class _Push:
     def _complete(
         self, stores: Stores, here: HeadState, head: Head
     ) -> Iterator[tuple[Stores, HeadState]]:
-        """Find the store that has the next revisions complete: the source, or its archive."""
+        """Find the store with all versions of the next revisions: the source, or its archive."""
         if head.revision >= here.archived_revision:
             yield stores, here
             return
@@ -214,7 +214,7 @@ class _Push:
             state = read_state(reader, archive.find(reader))
             whole = stores._replace(source=reader, source_kb=archive.kb_id or 0)
             self._check_archive(stores, whole, here, head, state)
-            # Beyond these revisions, the source is newer. What later erasures left comes with them.
+            # After these revisions, the source is newer. They bring the results of later erasures.
             last = max(here.archived_revision, state.erased)
             yield whole, state._replace(revision=min(state.revision, last))
 
@@ -227,7 +227,7 @@ class _Push:
                 backend = create_backend(url, read_only=True)
                 self._stack.callback(backend.close)
                 if backend.is_server and self._terms.archive is None:
-                    # Who wrote the source's file may name any server, which would get a password.
+                    # Anybody who wrote the source's file could name a server, and get a password.
                     why = ", a server, which only who pushes may name"
                     raise self._lacking(stores, here, head, why)
                 ensure_schema(backend)
@@ -239,7 +239,7 @@ class _Push:
     def _check_archive(
         self, stores: Stores, whole: Stores, here: HeadState, head: Head, state: HeadState
     ) -> None:
-        """Refuse an archive that is not this knowledge base's, or has not all of it."""
+        """Refuse an archive of another knowledge base, or an incomplete one."""
         upto = here.archived_revision
         is_it = state.revision >= upto and hash_of(whole.source, whole.source_kb, upto) == hash_of(
             stores.source, stores.source_kb, upto
@@ -266,6 +266,6 @@ def _hash(session: Session, kb_id: int, at: int, head: HeadState | Head) -> str 
 
 
 def read_head(side: ReplicationSide) -> HeadState:
-    """Read the head of one side, in a session of its own."""
+    """Read the head of one side, in its own session."""
     with side.backend.open_session() as session:
         return read_state(session, side.find(session))

@@ -1,4 +1,4 @@
-"""Pushes the knowledge bases of a store: once, or for as long as a service runs."""
+"""Pushes the knowledge bases of a store: once, or continuously as a service."""
 
 from __future__ import annotations
 
@@ -36,38 +36,38 @@ from ...sql.tables import HeadRow, KnowledgeBaseRow
 from .push import Pushed, Terms, read_head, send
 from .target import ReplicationSide, Target, begin_on, open_store, read_state
 
-# What may be over at the next attempt.
+# Errors that the next attempt may not have.
 MAY_PASS = (*PASSING, StatementTimeoutError, StoreFullError, StoreReplacedError)
-# What concerns one knowledge base, and stays until somebody decides.
+# Errors of one knowledge base that stay until somebody decides.
 REFUSED = ArchivedError, ConflictError, ReplicaError, StoreIntegrityError
-# What concerns all of them, and stays.
+# Errors of all knowledge bases that stay.
 _ENDING = AuthenticationError, ClosedError, ForkedError, ReadOnlyStoreError
-# What an upgrade, or a file that comes back, ends.
+# Errors that an upgrade, or the return of a file, ends.
 _REBUILT = SchemaError, TableMissingError
 
-# Seconds before the first further attempt, and at most, while a store cannot be reached.
+# Seconds before the first retry, and the maximum, while a store cannot be reached.
 FIRST_DELAY, LONGEST_DELAY = 1.0, 60.0
-# Seconds between looks at the source: for new knowledge bases, and for what nobody notified of.
+# Seconds between checks of the source for new knowledge bases, and for missed notifications.
 LOOK_EVERY = 1.0
-# Seconds between looks whether the service is to end.
+# Seconds between checks whether the service should end.
 _SLICE = 0.2
 
 _HEADS = of_written(KnowledgeBaseRow.name, KnowledgeBaseRow.id, HeadRow.revision)
 
 
 class PushEvent(NamedTuple):
-    """Something that a service reports."""
+    """An event that a service reports."""
 
     event: str  # `following`, `pushed`, `current`, `ahead`, `refused`, `waiting` or `stopped`
-    knowledge_base: str | None = None  # which one it concerns; None for all
-    pushed: Pushed | None = None  # what was sent, or found to be there
-    seconds: float | None = None  # how long that took
+    knowledge_base: str | None = None  # its knowledge base; None for all
+    pushed: Pushed | None = None  # the revisions that were sent, or already there
+    seconds: float | None = None  # the duration
     error: KantSqlError | None = None  # why nothing was sent
     retry_in: float | None = None  # seconds until the next attempt
 
 
 class Backoff:
-    """Delays that double up to a limit, at random, so that robots do not return all at once."""
+    """Delays that double up to a limit, with a random part, so robots do not all return at once."""
 
     def __init__(self) -> None:
         self._next = FIRST_DELAY
@@ -78,23 +78,23 @@ class Backoff:
         return delay * random.uniform(0.5, 1.0)
 
     def longest(self) -> float:
-        """Return the seconds to wait for what somebody has to do."""
+        """Return the seconds to wait for somebody's intervention."""
         self._next = LONGEST_DELAY
         return self.delay()
 
     def reset(self) -> None:
-        """Begin with short delays again."""
+        """Return to short delays."""
         self._next = FIRST_DELAY
 
 
 class _Followed:
-    """A knowledge base that is pushed again and again."""
+    """A knowledge base that is pushed repeatedly."""
 
     def __init__(self, source: ReplicationSide, target: Target) -> None:
         self.source = source
         self.target = target
-        self.head = 0  # the source's last revision, as last seen
-        self.sent = -1  # the last revision that is known to be in the target
+        self.head = 0  # the source's last known revision
+        self.sent = -1  # the last revision that is certainly in the target
         self.due_at = 0.0
         self.is_refused = False
         self.backoff = Backoff()
@@ -102,12 +102,12 @@ class _Followed:
     @property
     def has_news(self) -> bool:
         """Whether the target may lack something."""
-        # Of a damaged source, the head may be anything.
+        # In a damaged source, the head may have any value.
         return self.head != self.sent and not self.is_refused
 
 
 class _Connection:
-    """Both stores, open; after an error that may pass, a service opens them again."""
+    """Both stores, open; after a temporary error, a service opens them again."""
 
     def __init__(self, source_url: str, target_url: str) -> None:
         with ExitStack() as opened:
@@ -121,7 +121,7 @@ class _Connection:
             self._opened = opened.pop_all()
 
     def heads(self, name: str | None) -> list[tuple[str, int, int]]:
-        """Read name, id and last revision: of all knowledge bases, or of the named one."""
+        """Read name, id and last revision of all knowledge bases, or of the named one."""
         with self.source.open_session() as session:
             if name is None:
                 return [(each, id_, number) for each, id_, number in session.rows(_HEADS)]
@@ -129,18 +129,18 @@ class _Connection:
             return [] if kb_id is None else [(name, kb_id, read_state(session, kb_id).revision)]
 
     def check(self) -> None:
-        """Raise what concerns all knowledge bases: a store is gone, locked or another by now."""
+        """Raise an error that concerns all knowledge bases: a store is gone, locked or replaced."""
         for backend in (self.source, self.target):
-            # What the pool holds may be lost, too.
+            # The connections in the pool may be lost, too.
             backend.renew()
         with begin_on(self.source) as session:
             check_session(session)
-        # Where writers lock the whole store, this waits for them.
+        # On a database that writers lock as a whole, this waits for them.
         with begin_on(self.target, write=True) as session:
             check_session(session)
 
     def close(self) -> None:
-        """Close both."""
+        """Close both stores."""
         self._opened.close()
 
 
@@ -155,13 +155,13 @@ class PushService:
         source_url: str,
         target_url: str,
         *,
-        name: str | None,  # the knowledge base; None for all, those to come, too
+        name: str | None,  # the knowledge base; None for all, including later ones
         terms: Terms,
         report: Callable[[PushEvent], None],
         is_stopped: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Prepare; nothing is opened yet."""
-        # `is_stopped` says whether to end, after the batch that is being sent.
+        """Prepare without opening anything."""
+        # `is_stopped` is called after each batch: whether to end.
         self._urls = source_url, target_url
         self._name = name
         self._terms = terms
@@ -188,14 +188,14 @@ class PushService:
                 may_pass = isinstance(error, MAY_PASS)
                 self._report(PushEvent("waiting" if may_pass else "refused", name, error=error))
                 if may_pass:
-                    # What one waits for in vain, such as an archive, is not waited for again.
+                    # After waiting in vain, such as for an archive, do not wait again.
                     self._terms = self._terms._replace(is_patient=False)
         return errors
 
     def follow(self, interval: float) -> list[KantSqlError]:
-        """Push what comes until told to end, or until nothing is left that may be pushed."""
-        # Two pushes of one knowledge base are `interval` seconds apart, at least. What was refused
-        # is returned if that is why it ended.
+        """Push new revisions until told to end, or until no knowledge base may be pushed."""
+        # Two pushes of one knowledge base are at least `interval` seconds apart. If refusals end
+        # it, their errors are returned.
         self._report(PushEvent("following"))
         errors: dict[str, KantSqlError] = {}
         try:
@@ -207,7 +207,7 @@ class PushService:
         return [] if self._is_stopped() else [*errors.values()]
 
     def _is_refused(self) -> bool:
-        """Whether nothing is left that may be pushed."""
+        """Whether no knowledge base may be pushed any more."""
         return bool(self._followed) and all(one.is_refused for one in self._followed.values())
 
     def _try_round(self, interval: float, errors: dict[str, KantSqlError]) -> None:
@@ -224,13 +224,13 @@ class PushService:
             self._wait_after(error, self._backoff.delay())
 
     def _wait_after(self, error: KantSqlError, delay: float) -> None:
-        """Close both stores, and wait before they are opened again."""
+        """Close both stores, and wait before opening them again."""
         self._disconnect()
         self._report(PushEvent("waiting", error=error, retry_in=delay))
         self._sleep(delay)
 
     def _round(self, interval: float, errors: dict[str, KantSqlError]) -> None:
-        """Look at the source, push what is due, and wait for more."""
+        """Check the source, push what is due, and wait."""
         connection = self._connect()
         for name, kb_id, revision in connection.heads(self._name):
             if name not in self._followed:
@@ -264,7 +264,7 @@ class PushService:
     def _attempt(
         self, connection: _Connection, one: _Followed, progress: Progress | None
     ) -> KantSqlError | None:
-        """Push a knowledge base; return what concerns it alone, and raise what concerns all."""
+        """Push a knowledge base; return errors of it alone, and raise errors of all."""
         try:
             self._push(one, progress)
         except REFUSED as error:
@@ -272,7 +272,7 @@ class PushService:
         except _ENDING:
             raise
         except StoreError as error:
-            # The store that failed may be an archive, which only some knowledge bases need.
+            # The failed store may be an archive, which only some knowledge bases need.
             connection.check()
             return error if isinstance(error, MAY_PASS) else _unreadable(one, error)
         return None
@@ -293,7 +293,7 @@ class PushService:
         if due:
             self._sleep(min(max(0.0, min(due) - time.monotonic()), LOOK_EVERY))
         else:
-            # SQLite notifies of any knowledge base, PostgreSQL of one.
+            # SQLite notifies about all knowledge bases, PostgreSQL about one.
             kept = (one.source.kb_id for one in self._followed.values() if not one.is_refused)
             connection.listener.wait(next(kept, None), LOOK_EVERY)
 
@@ -306,7 +306,7 @@ class PushService:
         if self._connection is None:
             self._connection = _Connection(*self._urls)
             self._was_connected = True
-            # They belong to the connections that were lost.
+            # The others belong to the lost connections.
             refused = [name for name, one in self._followed.items() if one.is_refused]
             self._followed = {name: self._followed[name] for name in refused}
         return self._connection
@@ -324,14 +324,14 @@ class PushService:
 
 
 def _is_behind(source: ReplicationSide, error: KantSqlError) -> bool:
-    """Whether the source is a replica that lacks what its target has: its origin sends it more."""
+    """Whether the source is a replica behind its target: its origin will send it the rest."""
     if not isinstance(error, DivergedError) or error.source_hash is not None:
         return False
     return read_head(source).origin is not None
 
 
 def _unreadable(one: _Followed, error: StoreError) -> StoreIntegrityError:
-    """Build the error for a knowledge base that a database cannot read or take."""
+    """Make the error for a knowledge base that a database cannot read or accept."""
     source, name = one.source.backend.label, one.source.name
     made = StoreIntegrityError(
         f"{source}: knowledge base {name!r} was not sent, or only its first revisions: {error}; "

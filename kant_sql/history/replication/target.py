@@ -1,4 +1,4 @@
-"""The other store of a replication, and how two histories agree."""
+"""The other store of a replication, and the comparison of two histories."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ class HeadState(NamedTuple):
 
     revision: int  # the last revision; 0 before the first
     definition_revision: int  # the last revision that changed a definition
-    next_id: int  # the id that the next element gets
-    archived_revision: int  # what ended up to this revision was moved to an archive
+    next_id: int  # the id of the next element
+    archived_revision: int  # versions that ended up to this revision were moved to an archive
     hash: str | None  # the last revision's hash
     committed_at: datetime | None  # the last revision's time
-    origin: str | None  # the store that it is replicated from; None when it is written here
-    erased: int  # the revision of the last erasure; 0: there is none
+    origin: str | None  # the store of its origin; None if it is not a replica
+    erased: int  # the revision of the last erasure; 0 without one
 
 
 _HEAD = table_of(HeadRow).c
@@ -61,7 +61,7 @@ _STATE = Query(
 
 
 def read_state(session: Session, kb_id: int | None) -> HeadState:
-    """Read where a knowledge base stands, in one statement."""
+    """Read the head of a knowledge base, in one statement."""
     if kb_id is None:
         return HeadState(0, 0, 0, 0, None, None, None, 0)
     row: Any = session.first(_STATE, kb=kb_id)
@@ -80,13 +80,13 @@ _LAST_TARGET = Query(
 
 
 def last_archive(session: Session, kb_id: int) -> str | None:
-    """Read where the last versions were moved to."""
+    """Read the place of the last archive."""
     row = session.first(_LAST_TARGET, kb=kb_id)
     return None if row is None else str(row[0])
 
 
 def first_difference(stores: Stores, upto: int) -> int:
-    """Find the first revision with another hash, by a binary search: each covers all before it."""
+    """Find the first revision with another hash by binary search: each covers all before it."""
     source, source_kb, target, target_kb = stores
 
     def differs(number: int) -> bool:
@@ -96,7 +96,7 @@ def first_difference(stores: Stores, upto: int) -> int:
 
 
 def diverged(stores: Stores, name: str, upto: int) -> KantSqlError:
-    """Build the error for two histories whose hashes of a revision differ."""
+    """Make the error for two histories with different hashes of a revision."""
     source, source_kb, target, target_kb = stores
     number = first_difference(stores, upto)
     here, there = hash_of(source, source_kb, number), hash_of(target, target_kb, number)
@@ -132,7 +132,7 @@ class ReplicationSide:
     def __init__(self, backend: Backend, name: str) -> None:
         self.backend = backend
         self.name = name
-        self.kb_id: int | None = None  # its id, once it was found
+        self.kb_id: int | None = None  # its id, once known
 
     def find(self, session: Session) -> int | None:
         """Return its id; None before its first revision."""
@@ -146,7 +146,7 @@ class Target(ReplicationSide):
 
     @contextmanager
     def locked(self, durable: bool = False) -> Iterator[tuple[Session, int, Head]]:
-        """Lock it against other writers for the length of a `with` block; create it if missing."""
+        """Lock it against other writers during a `with` block; create it if missing."""
         with begin_on(self.backend, write=True, durable=durable) as session:
             kb_id = self.find(session)
             if kb_id is None:
@@ -159,8 +159,8 @@ class Target(ReplicationSide):
 
 @contextmanager
 def begin_on(backend: Backend, *, write: bool = False, durable: bool = False) -> Iterator[Session]:
-    """Open a transaction for the length of a `with` block; what it has not committed is undone."""
-    # With `durable`, what is committed survives a power cut.
+    """Open a transaction during a `with` block; at its end, roll back uncommitted changes."""
+    # With `durable`, commits survive a power cut.
     session = backend.session()
     try:
         if durable:
@@ -193,13 +193,13 @@ def open_store(url: str, source: Backend, noun: str) -> Backend:
 
 @contextmanager
 def open_target(url: str, name: str, source: Backend, noun: str) -> Iterator[Target]:
-    """Open a knowledge base of another store for the length of a `with` block."""
+    """Open a knowledge base of another store during a `with` block."""
     with closing(open_store(url, source, noun)) as backend:
         yield Target(backend, name)
 
 
 def _place(backend: Backend) -> tuple[str, str]:
-    """Return what identifies a database among those of its kind, or nothing for one in memory."""
+    """Return what identifies a database among those of its kind; empty for one in memory."""
     with backend.open_session() as session:
         row = session.first(_PLACE)
         return backend.dialect.name, str(row[0] or "") if row else ""
@@ -211,5 +211,5 @@ def _is_same(place: tuple[str, str], other: tuple[str, str]) -> bool:
         return False
     with suppress(OSError):
         return place[1] == other[1] or os.path.samefile(place[1], other[1])
-    # Of a server, a place is not a file.
+    # The place of a server is not a file.
     return False

@@ -65,7 +65,7 @@ class Taken(NamedTuple):
 
 def next_salt(salt: bytes) -> bytes:
     """Derive the salt of a replacement from the destroyed salt of the old text."""
-    # A store that has not erased yet derives the same.
+    # A store that has not followed the erasure yet derives the same.
     return sha256(b"replacement" + salt).digest()[:SEED]
 
 
@@ -179,7 +179,7 @@ class Destroyer:
         self._taken.append(Taken(number, part, left, replacement, is_new, superseded))
 
     def _own(self, part: Part) -> Part:
-        """Return a part as it is written."""
+        """Return a part in the form in which it is written."""
         return part
 
     def _has(self, number: int, part: Part) -> bool:

@@ -62,7 +62,7 @@ def spellings(name: str) -> list[str]:
     """Return the spellings of a name in texts and in JSON, except for the case of letters."""
     cased = {name} if name.isascii() else {name, name.casefold(), name.upper()}
     spelled = {normalize(form, each) for each in cased for form in ("NFC", "NFD")}
-    # JSON may write letters outside of ASCII as they are, or as \u00fc.
+    # JSON may write letters outside of ASCII directly, or as \u00fc.
     return sorted(spelled | {write(each)[1:-1] for each in spelled for write in _JSON})
 
 
@@ -148,11 +148,11 @@ class TextWriter:
     _kb: int
     _name: str
     _to: Renaming
-    # Called with the new values, and with the statement.
+    # Called with the statement and the new values, to repeat the write elsewhere.
     _also: Callable[[Table, Query, list[dict[str, Any]]], None] | None = None
-    # The old texts of changes whose texts differ now.
+    # The old texts of changed texts, by change.
     old: dict[ChangeKey, str] = field(default_factory=dict)
-    # The names in places of documents: of a formula its hash, of a ground goal its text.
+    # Names in documents that change: of a formula its hash, of a ground goal its text.
     _items: dict[str, str] = field(default_factory=dict)
 
     def run(self) -> None:
@@ -409,7 +409,7 @@ class TextWriter:
         self._set(_OUTCOMES, changed)
 
     def _plans(self, plans: set[int]) -> None:
-        """Rewrite plans with such steps or texts, or made from a state with the object."""
+        """Rewrite plans with these steps or texts, or made from a state with the object."""
         session, kb = self._session, self._kb
         plans |= {row[0] for row in session.rows(_PLANS_WITH, kb=kb, object=self._to.id)}
         free = _all(_PLANS, "id", *_FREE_OF_PLANS, given=_FREE_OF_PLANS)
@@ -431,7 +431,7 @@ class TextWriter:
                 self._set(_PLANS, [({"id": id_}, {name: getattr(plan, name) for name in names})])
 
     def _problem_hash(self, plan: PlanDefinition) -> str:
-        """Hash the planner's input of now: the old hash would allow guesses of the name."""
+        """Hash the planner's present input: the old hash would allow guesses of the name."""
         given: tuple[str | None, ...] = (plan.domain_pddl, plan.problem_pddl)
         if None in given:
             from ...documents.exchange import given_texts

@@ -34,11 +34,11 @@ from .parts import PARTS_OF, READ_PARTS, WHOLE, WHOLE_AT, Part, committed
 from .sides import Check, Side, check_time, stored_time
 
 SMALLEST = -(2**63)
-# Changes of a revision that are kept in a list: most have no more.
+# Keep at most this many changes of a revision in a list: most have no more.
 FEW = 1_000
 
 _PART = table_of(CommitmentRow).c
-# Whether any of them has parts: that of all is read with each, and found once.
+# Whether any of them has parts: read with each revision, but computed once.
 _ANY_PART = select(_PART.number).where(_PART.kb_id == KB, in_range(_PART.number)).exists()
 _REVISIONS = Query(
     REVISIONS.add_columns(RevisionRow.form, RevisionRow.seed, select(_ANY_PART).scalar_subquery())
@@ -47,31 +47,31 @@ _REVISIONS = Query(
 )
 
 
-# Sign, kind and text of a change; of a revision that has parts, the ids of its element, too.
+# Sign, kind and text of a change; also the ids of its element if the revision has parts.
 _Line = tuple[Any, ...]
 
 
-# With slots, it is made and read faster than a named tuple.
+# With slots, a dataclass is faster to make and read than a named tuple.
 @dataclass(slots=True)
 class Link:
     """A revision as stored, without its changes."""
 
     number: int
-    committed_at: str  # as it is hashed
+    committed_at: str  # as in the hash
     metadata: Metadata
     form: int
     seed: bytes | None
     hash: str
-    is_readable: bool  # whether its times are times
-    fault: str | None  # what is wrong with its form, its seed or its parts, in words
-    parts: tuple[Part, ...] = ()  # of one whose seed was destroyed
+    is_readable: bool  # whether its times can be read
+    fault: str | None  # the fault of its form, its seed or its parts, in words
+    parts: tuple[Part, ...] = ()  # if its seed was destroyed
 
     def digest(
         self, name: str, previous: str | None, changes: Iterable[_Line], is_archived: bool = False
     ) -> str:
-        """Recompute its hash; what has none is empty.
+        """Recompute the hash; it is empty for a revision with a fault.
 
-        Of a revision of form 1 of which something was erased, this is the hash that is kept.
+        For a revision of form 1 with an erasure, this is the kept hash.
         """
         link = previous, name, self.number, self.committed_at, self.metadata
         if self.fault is not None:
@@ -85,7 +85,7 @@ class Link:
 
 
 def _fault(form: int, seed: Any, parts: tuple[Part, ...]) -> str | None:
-    """Find what is wrong with the form, the seed or the parts of a revision."""
+    """Find the fault of the form, the seed or the parts of a revision."""
     if form not in FORMS:
         return f"form {form} is unknown: revisions have form 1 or {FORM}"
     if form == 1:
@@ -106,7 +106,7 @@ class Step(NamedTuple):
 
     number: int
     link: Link | None
-    changes: Iterable[_Line]  # a list, or of many an iterator, to be read before the next step
+    changes: Iterable[_Line]  # a list, or for many an iterator, to be read before the next step
 
 
 def stream_chain(
@@ -119,10 +119,10 @@ def stream_chain(
 ) -> Iterator[Step]:
     """Read revisions with their changes, in two statements and constant memory.
 
-    If something was erased, in three, with the parts of each revision of which something was.
+    After an erasure, it takes three, and reads the parts of each revision with erased texts.
 
     Args:
-        changes: the changes, where they were read; used where nothing was erased.
+        changes: the changes, if already read; unused after an erasure.
         left: only the changes that remain after an archive of these revisions.
     """
     bounds = {"kb": kb_id, "low": low, "high": high}
@@ -170,7 +170,7 @@ def read_links(session: Session, kb_id: int, numbers: Sequence[int]) -> list[Lin
 
 
 def _lines(rows: Iterator[Row], keyed: bool = False) -> Iterable[_Line]:
-    # A change whose identity is missing has no text.
+    # A change without an identity has no text.
     if keyed:
         return [(SIGNS[sign], kind, text or "", *key) for _, sign, kind, text, *key in rows]
     few = [(SIGNS[row[1]], row[2], row[3] or "") for row in islice(rows, FEW)]
@@ -185,7 +185,7 @@ def _link(session: Session, row: Row, parts: Side | None = None) -> Link:
     try:
         committed_at, is_readable = moment_text(session, at), True
         observed_at = None if seen is None else stored_time(session, seen)
-        check_time(at)  # Its text is hashed, so it must be in the form of a time.
+        check_time(at)  # The hash covers its text, so it must have the form of a time.
     except (TypeError, ValueError):
         committed_at, observed_at, is_readable = "", None, False
     metadata = Metadata(actor, reason, source, observed_at, step)
@@ -197,7 +197,7 @@ def _link(session: Session, row: Row, parts: Side | None = None) -> Link:
 def texts_of(
     link: Link, name: str, previous: str | None, changes: Iterable[_Line]
 ) -> dict[Any, str | None]:
-    """Return what is there now of a revision that has parts, by their keys."""
+    """Return the present texts of a revision with parts, by their keys."""
     lines = [*changes]
     texts: dict[Any, str | None] = {(line[0], line[1], *line[3:]): line[2] for line in lines}
     texts |= {("", label, 0, 0): getattr(link.metadata, label) for label in SAID}
@@ -208,12 +208,12 @@ def texts_of(
 
 
 def moment_text(session: Session, raw: Any) -> str:
-    """Return a time as it is hashed."""
+    """Return a time as the hash covers it."""
     return raw if isinstance(raw, str) else time_text(session.to_time(raw))
 
 
 def rest_digest(session: Session, kb_id: int, upto: int) -> str:
-    """Hash the first revisions as an archive leaves them: without the versions that ended."""
+    """Hash the first revisions as an archive leaves them: without ended versions."""
     name, rest = read_name(session, kb_id), sha256()
     previous: str | None = None
     for step in stream_chain(session, kb_id, 1, upto, left=True):
@@ -227,9 +227,9 @@ def _add_rest(rest: Any, link: Link, recomputed: str) -> None:
     rest.update(f"{recomputed}{link.hash}".encode())
 
 
-# Trying a larger revision without each of its lines takes too many hashes.
+# In a larger revision, leaving out each line in turn takes too many hashes.
 MANY_LINES = 2_000
-# Lines that may be hashed to explain one store.
+# The maximum number of lines to hash to explain one store.
 EFFORT = 8_000_000
 
 _SAID = (*SAID, "observed_at", "plan_step")
@@ -248,13 +248,13 @@ class Wrong(NamedTuple):
 
 
 class _Explainer:
-    """Reports revisions with a wrong hash, and what differs where the hashes show it."""
+    """Reports revisions with wrong hashes, with the difference if the hashes show it."""
 
     def __init__(self, check: Check, name: str) -> None:
         self._check = check
         self._name = name
         self._effort = EFFORT
-        # Changes that were inserted into a revision.
+        # The changes that somebody inserted into revisions.
         self._slipped_in: dict[_Line, int] = {}
 
     def run(self, wrong: list[Wrong]) -> None:
@@ -313,12 +313,12 @@ class _Explainer:
             yield from step.changes
 
     def _lines(self, number: int) -> list[_Line] | None:
-        """Return the changes of a revision; None when there are too many to try."""
+        """Return the changes of a revision; None if there are too many to try."""
         lines = list(islice(self._changes(number), MANY_LINES + 1))
         return None if len(lines) > MANY_LINES else lines
 
     def _fits(self, wrong: Wrong, lines: list[_Line], metadata: Metadata | None = None) -> bool:
-        """Return whether a revision with these contents would have its hash."""
+        """Return whether a revision with these contents has its stored hash."""
         self._effort -= len(lines) + 1
         link = wrong.link if metadata is None else replace(wrong.link, metadata=metadata)
         return link.digest(self._name, wrong.previous, lines) == link.hash
@@ -358,7 +358,7 @@ def _shown(line: _Line) -> str:
     return text if len(text) <= 200 else f"{text[:197]}..."
 
 
-# Wrong revisions that are explained; of the others, the first and the last are named.
+# The number of wrong revisions to explain; of the others, the first and the last are named.
 EXPLAINED = 20
 
 
@@ -369,13 +369,13 @@ class Chain:
     check: Check
     tick: Callable[[int], None]
     archived: int = 0
-    wanted: frozenset[int] = frozenset()  # revisions whose stored hashes are wanted
+    wanted: frozenset[int] = frozenset()  # revisions whose stored hashes are needed
     last: Link | None = None
     revisions: int = 0
     changes: int = 0
-    rest: str = ""  # the hash of what is left of the revisions up to the archived one
+    rest: str = ""  # the hash of the rest of the revisions up to the archived one
     hashes: dict[int, str] = field(default_factory=dict)
-    erasures: ErasureCheck | None = None  # None where an earlier verification is continued
+    erasures: ErasureCheck | None = None  # None if this continues an earlier verification
     _name: str = ""
     _rest: Any = field(default_factory=sha256)
     _wrong: list[Wrong] = field(default_factory=list)
@@ -388,7 +388,7 @@ class Chain:
         self._name = read_name(session, kb_id)
         if after > 1:
             self._begin_after(after - 1)
-        # The last one that was verified before, as well: it has to have the hash that it had.
+        # Also the last verified one: its hash must be the same as before.
         for step in stream_chain(session, kb_id, after or SMALLEST):
             self._take(step)
         if self.erasures is not None:
@@ -435,13 +435,13 @@ class Chain:
         self.tick(link.number)
 
     def _check_erased(self, link: Link, previous: str | None, changes: Iterable[_Line]) -> None:
-        """Check what took the places of erased parts of a revision."""
+        """Check the replacements of erased parts of a revision."""
         if self.erasures is not None and link.fault is None:
             texts = texts_of(link, self._name, previous, changes)
             self.erasures.take(link.number, link.parts, texts, self.archived)
 
     def _counted(self, changes: Iterable[_Line]) -> Iterable[_Line]:
-        """Count changes: many, while they are read."""
+        """Count changes; many of them while they are read."""
         if not isinstance(changes, list):
             return self._many(changes)
         self.changes += len(changes)
@@ -472,10 +472,10 @@ class Chain:
             add(number, "revision", link.fault)
         if not link.is_readable:
             add(number, "revision", "a time is not in the library's format")
-        # Both hash as NULL does.
+        # Both hash like NULL.
         if link.metadata.source in ("", "null"):
             add(number, "revision", "an empty source is not NULL")
-        # Texts of this form sort as the moments do.
+        # In this form, texts sort like times.
         if self.last is not None and link.committed_at < self.last.committed_at:
             add(number, "revision", "it was committed before the revision before it")
 

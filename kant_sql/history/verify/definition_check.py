@@ -1,4 +1,4 @@
-"""Definitions, and the identities that they have, against their texts.
+"""Compares definitions and their identities with their texts.
 
 A name with a space makes a text ambiguous: a fact about an object `rb1 wp1` reads like one about
 `rb1` and `wp1`. The library never writes such a name.
@@ -31,7 +31,7 @@ from ...sql.rows import KB, KIND_TABLES, RowsByTable, looked_up
 from ...sql.tables import TABLES
 from .sides import Check, Touched, began, differing, interval_fault
 
-# A word has none of the characters that separate words.
+# A word has no character that separates words.
 _WORD = r"[^\s()?]+"
 _IS_WORD = re.compile(_WORD).fullmatch
 _IS_ITEM = re.compile(rf"{_WORD}|\({_WORD}( {_WORD})*\)").fullmatch
@@ -42,7 +42,7 @@ _DOCUMENT_SECTIONS = _FORMULA_SECTIONS.union(_ELEMENTS)
 
 
 def is_word(text: str) -> bool:
-    """Return whether a text is one word, as each name is."""
+    """Return whether a text is one word, like every name."""
     return _IS_WORD(text) is not None
 
 
@@ -61,7 +61,7 @@ def parameter_fault(parameters: tuple[ParameterDefinition, ...]) -> str | None:
 
 
 def formula_fault(formula: d.FormulaDefinition) -> str | None:
-    """Find what makes the change line of a formula look like that of another element."""
+    """Find a fault that makes the change line of a formula look like that of another element."""
     if formula.section not in _FORMULA_SECTIONS:
         return f"there is no section {formula.section!r}"
     root = formula.tree[0]
@@ -72,14 +72,14 @@ def formula_fault(formula: d.FormulaDefinition) -> str | None:
 
 
 def document_faults(document: d.DocumentDefinition) -> Iterator[str]:
-    """Find what makes a document's text ambiguous."""
+    """Find faults that make a document's text ambiguous."""
     for name in (document.title, document.domain):
         if name is not None and not is_word(name):
             yield f"no {document.name} can be called {name!r}"
     for section, name in document.items:
         if section not in _DOCUMENT_SECTIONS:
             yield f"there is no section {section!r}"
-        # Older versions accepted a requirement with a question mark, which is one word, too.
+        # Older versions accepted a requirement with a question mark, which is also one word.
         if (_IS_REQUIREMENT if section == "requirement" else _IS_ITEM)(name) is None:
             yield f"{name!r} is not an item of it"
 
@@ -132,7 +132,7 @@ _FUNCTIONS = Query(
 
 
 class _Named(NamedTuple):
-    """A definition reduced to its name, and to whether the values of a function are objects."""
+    """A definition reduced to its name, and to whether a function has objects as values."""
 
     id: int
     name: str
@@ -140,13 +140,13 @@ class _Named(NamedTuple):
 
 
 def names_alone(names: Iterable[Mapping[int, str]]) -> d.Definitions:
-    """Make definitions of the names of each kind, by their ids."""
+    """Make definitions from the names of each kind, by their ids."""
     made: list[dict[int, Any]] = [{id_: _Named(id_, each[id_]) for id_ in each} for each in names]
     return d.Definitions(*(d.Elements(base=base) for base in made))
 
 
 class NamesById(dict[int, str]):
-    """The names of one kind; an unknown id gives a text that is not a name."""
+    """The names of one kind; an unknown id gives a text that is not a valid name."""
 
     def __missing__(self, id_: int) -> str:
         return f"?{id_}"
@@ -156,7 +156,7 @@ class IdentityNames(NamedTuple):
     """The names of ids, by kind."""
 
     known: dict[str, NamesById]
-    held: d.Definitions  # of elements with a version, which alone can be referred to; names only
+    held: d.Definitions  # only names, of elements with a version: others cannot be referred to
 
 
 def check_names(check: Check) -> IdentityNames:
@@ -208,7 +208,7 @@ class ObjectFunctions:
 
 
 def _unlike(tree: Tree, read: Tree) -> str | None:
-    """Find where a tree is not the one that its text is read as."""
+    """Find where a tree differs from the one that its text is read as."""
     if tree == read:
         return None
     for node, right in zip_longest(tree, read):
@@ -234,7 +234,7 @@ def _can_have_value(node: TreeNode) -> bool:
 
 
 def _ambiguous(tree: Tree, object_functions: Collection[int]) -> str | None:
-    """Find what a text does not show, of a tree that it is read as."""
+    """Find a fault that the text does not show, in a tree that matches it."""
     values = {term.child for node in tree for term in node.terms}
     for node in tree:
         above = None if node.parent is None else tree[node.parent].operator
@@ -261,12 +261,12 @@ def _version_query(kind: str, is_narrow: bool) -> Query:
     return Query(rows.order_by(tables.version.owner, version.c.since))
 
 
-# By whether an earlier verification is continued.
+# The queries, by whether this continues an earlier verification.
 _VERSIONS = {
     is_narrow: {kind: _version_query(kind, is_narrow) for kind in d.KINDS}
     for is_narrow in (False, True)
 }
-# The rows of each table of one version.
+# The rows of each table for one version.
 _Rows = dict[Table, list[Row]]
 
 
@@ -321,7 +321,7 @@ class DefinitionCheck:
             return f"there is no row of {kind} for it"
         version, *children = rows
         ((id_, since, _, *own),) = rows[version]
-        # Definitions are made of rows without the revisions.
+        # Definitions are made from rows without the revisions.
         plain: _Rows = {version: [(id_, name, *own)]}
         plain |= {child: [(row[0], *row[2:]) for row in rows[child]] for child in children}
         try:
@@ -374,7 +374,7 @@ class DefinitionCheck:
         if not tree:
             return None
         objects = self._object_functions.at(since)
-        # Another element may have the name of an operator: only those that it mentions are found.
+        # Only the mentioned elements: another element may have the name of an operator.
         known: dict[tuple[str, str], Any] = {}
         for kind, ids in zip(d.KINDS, mentioned([tree]), strict=False):
             for id_ in ids:

@@ -1,4 +1,4 @@
-"""Checks what erasures left: each erased part is of one on record, and so is what replaced it."""
+"""Checks erasures: each erased part and its replacement belong to a recorded one."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ class Erasure(NamedTuple):
 
     id: int
     since: int  # the revision that recorded it
-    revision: int  # it erased in revisions up to this one
+    revision: int  # it erased texts of revisions up to this one
     kind: str
     element_id: int | None
     pseudonym: str
     parts: int
     digest: str
-    text: str  # the canonical text of all
+    text: str  # the canonical text of all columns
 
     @property
     def words(self) -> str:
-        """Say what was erased, and by which revision."""
+        """Describe the erasure, and name its revision."""
         what = "texts of revisions" if self.element_id is None else f"object {self.element_id}"
         several = "text was" if self.parts == 1 else "texts were"
         return (
@@ -52,7 +52,7 @@ def read_erasures(session: Session, kb_id: int) -> list[Erasure]:
 
 
 def add_part(digest: Any, number: int, part: Part, replacement: str) -> None:
-    """Add an erased part, and the commitment to what took its place, to an erasure's digest."""
+    """Add an erased part, and the commitment to its replacement, to an erasure's digest."""
     sign, kind, *_ = part[1:]
     line = f"{number} {part.position} {sign} {kind} {part.commitment} {replacement}\n"
     digest.update(line.encode())
@@ -68,15 +68,15 @@ class ErasureCheck:
         self._digests: defaultdict[int, Any] = defaultdict(sha256)
         self._counts: defaultdict[int, int] = defaultdict(int)
         rows = check.session.stream(_REPLACEMENTS, kb=check.kb_id) if erasures else iter(())
-        # Not a method of its own: a circle would keep the cursor of a check that was given up, and
-        # psycopg, which the collection may interrupt, would wait for itself to close it.
+        # Not a method of its own: a cycle would keep the cursor of an abandoned check, and psycopg,
+        # which the collection may interrupt, would wait for itself to close it.
         self._rows = Side(rows, 2, partial(_stray, check.report))
 
     def take(
         self, number: int, parts: Iterable[Part], texts: dict[Any, str | None], upto: int
     ) -> None:
         """Check the parts of a revision."""
-        # `texts` is what is there now, by the keys of parts. Changes up to `upto` may be archived.
+        # `texts` are the present texts, by the keys of parts. Changes up to `upto` may be archived.
         for part in parts:
             if part.erasure_id is None:
                 continue
@@ -92,7 +92,7 @@ class ErasureCheck:
         ids = [each.erasure_id for each in replacements]
         if not ids or ids[0] != part.erasure_id or ids != sorted({*ids}):
             yield "has no row of replacement by the erasure that it is of"
-        # Of what was moved to an archive since, the commitment is left.
+        # For a part that was moved to an archive since, the commitment is left.
         is_left = number <= upto and (text is None or part.kind == WHOLE)
         for each in replacements:
             is_last, commitment = each is replacements[-1], each.commitment
@@ -109,7 +109,7 @@ class ErasureCheck:
             add_part(self._digests[each.erasure_id], number, part, commitment or "")
 
     def end(self) -> None:
-        """Compare the digests with those on record."""
+        """Compare the digests with the recorded ones."""
         self._rows.end()
         add = self._check.report.add
         for id_ in sorted(self._counts.keys() - self._pseudonyms.keys()):
@@ -129,18 +129,18 @@ class ErasureCheck:
 
 
 def _is_in_place(part: Part, text: str, pseudonym: str) -> bool:
-    """Return whether a text can be what an erasure leaves: any other may be an invention."""
+    """Return whether an erasure can leave a text: any other may be forged."""
     if part.position < 0:
         return part.kind == WHOLE or text == said_in_place(pseudonym, [part.kind])[part.kind]
     return part.kind in _WITH_HASHES or pseudonym in text
 
 
-# Their texts have hashes: of the problem, or of formulas, where the name was.
+# Their texts contain hashes instead of the name: of the problem, or of formulas.
 _WITH_HASHES = PLAN, "document"
 
 
 class Replacement(NamedTuple):
-    """What took the place of an erased part."""
+    """The replacement of an erased part."""
 
     erasure_id: int
     salt: bytes | None

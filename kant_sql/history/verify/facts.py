@@ -83,7 +83,7 @@ class FactCheck:
         """Run the checks."""
         self._compare(_FACTS, "predicate", _fact_rule, self._fact_said)
         self._compare(_FLUENTS, "function", self._value_rule, self._value_said)
-        # All are read for it: of new ones, the unique index has none that was there before.
+        # This reads all rows; a continued verification relies on the unique index for new ones.
         for atoms in () if self._check.after else (_FACTS, _FLUENTS):
             table = atoms.tables.identity.name
             for first, second in self._check.rows(atoms.doubles):
@@ -134,7 +134,7 @@ class FactCheck:
         sayings.end()
 
     def _saying_fault(self, row: Row, saying: Row, said: tuple[bool, str] | None) -> str | None:
-        """Find the fault of a saying; `said` is what its columns say, if they can."""
+        """Find the fault of a saying; `said` is the meaning of its columns, if they have one."""
         _, _, *ends, kept, text, owner = saying[:7]
         try:
             begin, end = (stored_time(self._check.session, each) for each in ends)
@@ -150,7 +150,7 @@ class FactCheck:
 
     def _fact_said(self, row: Row, saying: Row, ids: Sequence[int]) -> tuple[bool, str] | None:
         *objects, holds = saying[7:]
-        # Of facts only: a goal is said of no period.
+        # Facts only: goals have no sayings.
         is_right = _fact_rule(row, ids)((*saying[:5], False, *objects))
         return (holds, row[3]) if is_right and holds in (False, True) else None
 
@@ -189,7 +189,7 @@ class FactCheck:
 
     def _is_value_right(self, row: Row, version: Row) -> bool:
         value, number, object_id, text = version[5:]
-        # Otherwise a number could pass for an object of that name.
+        # Otherwise a number could pass for an object with that name.
         if (object_id is not None) != (row[1] in self._object_functions.at(version[1])):
             return False
         if object_id is not None:
@@ -200,7 +200,7 @@ class FactCheck:
         return value_text(row[3], value) == text and _is_nearest(number, value)
 
 
-# The fault of a version that contradicts its identity or its text, by kind.
+# The fault of a version that differs from its identity or its text, by kind.
 _DIFFERS = {
     "predicate": "has another predicate_id, is_goal, first_object_id or second_object_id than its "
     "proposition",
@@ -210,9 +210,9 @@ _DIFFERS = {
 
 
 def _fact_rule(row: Row, arguments: Sequence[int]) -> Callable[[Row], bool]:
-    """Return whether a version has the columns of its fact, which are made once for all."""
+    """Return a check of the columns of versions of a fact, made once for all of them."""
     expected = (row[4], *[*arguments[:2], None, None][:2])
-    # SQLite takes any number for true, the queries only 1.
+    # SQLite treats any number as true, the queries only 1.
     is_flag = row[4] in (False, True)
     return lambda version: is_flag and version[5:] == expected
 
@@ -249,7 +249,7 @@ _NOT_SEEN = Query(
 
 
 def check_confirmations(check: Check, archived: int) -> None:
-    """Check that what was confirmed are facts, which held; archived versions are elsewhere."""
+    """Check that confirmed elements are facts that held; archived versions are elsewhere."""
     given = {"kb": check.kb_id, "after": check.after, "archived": archived}
     for number, id_ in check.session.stream(_NOT_SEEN, **given):
         message = f"row {id_} of proposition is confirmed, and it is no fact that held then"
@@ -292,18 +292,18 @@ def _touched(table: Table) -> ColumnElement[bool]:
 
 
 def _of_plans(table: Table) -> ColumnElement[bool]:
-    """Narrow a table to the steps of plans."""
+    """Restrict a table to the steps of plans."""
     found: ColumnElement[bool] = table.c.plan_id > constant(NO_PLAN)
     return found
 
 
 def _steps(table: Table) -> ColumnElement[bool]:
-    """Narrow a table to the steps of plans that were touched."""
+    """Restrict a table to the steps of touched plans."""
     return and_(_of_plans(table), in_rows(table.c.plan_id, _touched_plans()))
 
 
 def _touched_executions(table: Table) -> ColumnElement[bool]:
-    """Narrow a table to executions that began or ended, or whose plan was touched."""
+    """Restrict a table to executions that began or ended, or whose plan was touched."""
     version = _VERSIONS.alias("ended").c
     either = or_(version.since > AFTER, version.until > AFTER)
     own = select(version.position).where(
@@ -315,7 +315,7 @@ def _touched_executions(table: Table) -> ColumnElement[bool]:
 
 
 class ExecutionCheck:
-    """Compares executions with their arguments and outcomes, and links of revisions with both."""
+    """Compares executions with their arguments and outcomes, and links of revisions to them."""
 
     def __init__(self, check: Check, names: IdentityNames, archived: int) -> None:
         self._check = check
@@ -364,7 +364,7 @@ class ExecutionCheck:
                 message = f"'{version[6]}' since revision {version[2]} {fault}"
                 self._add(version[2], _VERSIONS.name, message)
             before = version
-        # The first outcome may be in an archive, the present one is not.
+        # The first outcome may be in an archive, but not the present one.
         is_whole = first == since or (first is not None and since <= self._archived)
         if key[0] == NO_PLAN and not is_whole:
             fault = f"recorded in revision {since}, and its first outcome is not of that"
@@ -436,7 +436,7 @@ def check_plans(check: Check) -> None:
 def _plan_faults(plan: Row, steps: list[Row]) -> Iterator[tuple[str, str]]:
     if [(row[1], row[2]) for row in steps] != [(n, plan[1]) for n in range(len(steps))]:
         yield "execution", "its steps differ from 0, 1 and so on, or are of other revisions"
-    # Without their arguments, which their texts have, too.
+    # Without their arguments, which their texts also have.
     made = tuple(
         ExecutionDefinition(start, duration, action, name, (), text)
         for _, _, _, start, duration, action, name, text in steps

@@ -19,7 +19,7 @@ _KB = table_of(t.KnowledgeBaseRow).c
 
 
 class _HeadRow(NamedTuple):
-    """A row of `head`; unchecked, so of any type."""
+    """A row of `head`; not checked yet, so values may have any type."""
 
     revision: Any
     definition_revision: Any
@@ -30,7 +30,7 @@ class _HeadRow(NamedTuple):
 
 
 _READ_HEAD = columns_of(table_of(t.HeadRow), _HeadRow._fields)
-# Read before any check, without the columns that may be damaged.
+# Read before any check, so without columns that may be damaged.
 _HOW_FAR = columns_of(table_of(t.HeadRow), ("revision", "next_id"))
 _SELF = table_of(t.KnowledgeBaseRow).alias("self").c
 _NAMES_OF_IT = select(_SELF.name).where(_SELF.id == KB)
@@ -43,7 +43,7 @@ _OWN = Query(
 
 
 def _largest(columns: list[Any], *others: Select[Any]) -> Query:
-    """Read the largest value of some columns, each by its index."""
+    """Read the maximum of some columns, each by its index."""
     values: list[Select[Any]] = [
         select(func.max(column)).where(column.table.c.kb_id == KB) for column in columns
     ]
@@ -56,7 +56,7 @@ _OTHERS: tuple[type[t.Base], ...] = (
 )
 _IDENTITIES = [kind.identity for kind in KIND_TABLES.values()] + [*map(table_of, _OTHERS)]
 _EXECUTION = table_of(t.ExecutionRow).c
-# An execution of no plan has an id that the head gave out; a step has a position.
+# An execution without a plan has an id from the head; a step has a position.
 _OF_NO_PLAN = _EXECUTION.kb_id == KB, _EXECUTION.plan_id == constant(NO_PLAN)
 _IDS = _largest(
     [table.c.id for table in _IDENTITIES], select(func.max(_EXECUTION.position)).where(*_OF_NO_PLAN)
@@ -77,12 +77,12 @@ class Archive(NamedTuple):
     revision: int  # versions that ended up to this revision were moved
     target: str
     versions: int
-    rest: str  # the hash of what was left
-    text: str  # the canonical text of all
+    rest: str  # the hash of the rest
+    text: str  # the canonical text of all columns
 
     @property
     def is_possible(self) -> bool:
-        """Whether it was recorded after the versions it moved; else its own record is unchecked."""
+        """Whether it was recorded after the moved versions; if not, its own record is unchecked."""
         return self.since > self.revision
 
 
@@ -119,7 +119,7 @@ def read_archived(check: Check, archives: list[Archive]) -> int:
 def read_head_numbers(check: Check) -> tuple[int, int]:
     """Read the last revision and the next id from the head."""
     head = check.session.first(_HOW_FAR, kb=check.kb_id) or (0, 0)
-    # Later checks report wrong values: this only measures progress.
+    # Later checks report wrong values: here they only measure progress.
     revision, next_id = (each if isinstance(each, int) else 0 for each in head)
     return max(revision, 0), max(next_id, 0)
 
@@ -168,7 +168,7 @@ def _check_last(check: Check, head: _HeadRow, chain: Chain) -> None:
         moment = head.committed_at and moment_text(check.session, head.committed_at)
     except (TypeError, ValueError):
         moment = "no time"
-    # The first missing revision, when the head is beyond the chain.
+    # The first missing revision if the head is beyond the chain.
     is_beyond = isinstance(head.revision, int) and head.revision > number
     lost = {"revision": number + 1} if is_beyond else {}
     names, given = ("revision", "hash", "committed_at"), (head.revision, head.hash, moment)

@@ -1,7 +1,7 @@
-"""The parts of a revision whose seed was destroyed, because something of it was erased.
+"""The parts of a revision whose seed an erasure destroyed.
 
-Form 2 of the hash covers commitments. Of what was erased, the commitment is kept in the table
-`commitment`; of all else the salt, which was derived from the seed before.
+Form 2 of the hash covers commitments. The table `commitment` keeps the commitment of erased parts;
+for all others, it keeps the salt, which was derived from the seed before.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ...sql.query import Query, in_list
 from ...sql.rows import KB, table_of
 from ...sql.tables import CommitmentRow
 
-# The positions of what is no change: actor, reason and source, and a whole revision of form 1.
+# Positions before the changes: actor, reason and source, and a whole revision of form 1.
 SAID_AT = {label: -3 + index for index, label in enumerate(reversed(SAID))}
 WHOLE, WHOLE_AT = "revision", -4
 
@@ -38,11 +38,11 @@ class Part(NamedTuple):
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What it has in common with the change that it is of."""
+        """The key that it shares with its change."""
         return self[1:5]
 
     def commit_to(self, text: str | None) -> str:
-        """Return the commitment to the text that is there now; of what is erased, the kept one."""
+        """Return the commitment to the present text; the kept one if the text is erased."""
         salt, commitment, erasure_id = self[5:]
         if (salt is None) == (erasure_id is None) or (commitment is None) != (erasure_id is None):
             return ""
@@ -73,16 +73,16 @@ def kept_parts(seed: bytes, metadata: Metadata, changes: Iterable[Row]) -> list[
 
 
 def whole_part(digest: str) -> Part:
-    """Make the part that keeps the hash of a revision of form 1; its erasure has no id yet."""
+    """Make the part that keeps the hash of a revision of form 1; it has no erasure's id yet."""
     return Part(WHOLE_AT, "", WHOLE, 0, 0, None, digest, 0)
 
 
-# Pseudonyms are this and a number.
+# A pseudonym is this and a number.
 PREFIX = "erased-"
 
 
 def said_in_place(pseudonym: str, labels: Iterable[str]) -> dict[str, str]:
-    """Return what takes the place of an actor, a reason or a source: the last is JSON."""
+    """Return the replacements of actor, reason or source: the source is JSON."""
     return {
         label: encode_basestring(pseudonym) if label == "source" else pseudonym for label in labels
     }
@@ -91,7 +91,7 @@ def said_in_place(pseudonym: str, labels: Iterable[str]) -> dict[str, str]:
 def committed(
     parts: Sequence[Part], metadata: Metadata, changes: Iterable[Row], is_archived: bool
 ) -> tuple[list[str | None], list[tuple[str, str, str]]]:
-    """Match parts with what they are of; what has no part, or no longer its part, is empty.
+    """Match parts with their texts; without a part, or with the wrong one, the result is empty.
 
     Returns the commitments to actor, reason and source, and sign, kind and commitment of changes.
     """
@@ -116,7 +116,7 @@ def committed(
         else:
             is_own = of_label.key == ("", label, 0, 0)
             own.append(of_label.commit_to(text) if is_own else "")
-    # What no part is of, and parts of nothing, leave no hash that is right.
+    # Texts without a part, and parts without a text, must make the hash wrong.
     doubled = len(parts) - len({part.position for part in parts})
     rest = [("", "", "") for _ in (*texts, *said, *range(doubled))]
     return own, lines + rest

@@ -1,4 +1,4 @@
-"""What verification finds, and tables that it reads side by side."""
+"""Findings of verification, and tables that it reads side by side."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ...sql.dialects.base import Row, Session
 from ...sql.query import Query, in_rows, integer
 from ...sql.rows import KB
 
-# More findings of a table are only counted, to bound memory.
+# Further findings of a table are only counted, to bound memory.
 LISTED = 100
 
 
@@ -69,7 +69,7 @@ _END: Any = object()
 
 
 class Side:
-    """The rows of one table, to be taken key by key.
+    """The rows of one table, to take key by key.
 
     Keys are the first columns of a row, and must come in ascending order.
     """
@@ -82,13 +82,13 @@ class Side:
         self._next()
 
     def take(self, key: Any) -> Iterable[Row]:
-        """Return the rows of a key, to be read at once; keys are taken in ascending order."""
-        # Comparing a key with NULL raises: an error, and not the end.
+        """Return the rows of a key, to read at once; take keys in ascending order."""
+        # Comparing a key with NULL raises: an error, not the end.
         while self._key is not _END and self._key < key:
             self._pass()
         if self._key != key:
             return ()
-        # The next key is found when it is asked for: what was taken is no stray then.
+        # The next key is found when needed, so rows taken by then are not strays.
         rows, self._rows = self._rows, ()
         return rows
 
@@ -114,7 +114,7 @@ AFTER = integer("after")
 def in_order(table: Table, *names: str, narrow: Narrow | None = None) -> Query:
     """Build the query of the rows of one knowledge base, in the order of the primary key.
 
-    `narrow` gives the rows that a verification reads which continues an earlier one. It is a
+    `narrow` restricts it to the rows for a verification that continues an earlier one. It is a
     constant, or a method of one: a statement is built once for each.
     """
     columns = [table.c[name] for name in names or [*table.c.keys()][1:]]
@@ -124,7 +124,7 @@ def in_order(table: Table, *names: str, narrow: Narrow | None = None) -> Query:
 
 
 def _ends(touched: Touched) -> Select[Any]:
-    """Select what a version began or ended of, or what was said of, after a revision."""
+    """Select the elements with a version that began or ended, or a saying, after a revision."""
     version, owner, sayings = touched
     ends = [version.c.since, version.c.until, *(() if sayings is None else (sayings.c.since,))]
     found = (
@@ -136,16 +136,16 @@ def _ends(touched: Touched) -> Select[Any]:
 
 
 class Touched(NamedTuple):
-    """The rows of one kind that a verification reads which continues an earlier one.
+    """The rows of one kind for a verification that continues an earlier one.
 
-    Of each element with a version that began or ended after its revision, or of which something
-    was said, these are all rows but sayings from before and the versions that had ended by then.
-    The other versions of it are read because no two may overlap.
+    For each element with a version that began or ended after its revision, or with a saying since,
+    these are all rows except earlier sayings, and versions that had already ended.
+    The element's other versions are read because no two may overlap.
 
     Attributes:
         version: the table whose versions began or ended.
         owner: its column that names the element.
-        sayings: the table of what was said, if any.
+        sayings: the table of sayings, if any.
     """
 
     version: Table
@@ -153,36 +153,36 @@ class Touched(NamedTuple):
     sayings: Table | None = None
 
     def identities(self, table: Table) -> ColumnElement[bool]:
-        """Narrow the table of identities."""
+        """Restrict the table of identities."""
         return in_rows(table.c.id, _ends(self))
 
     def parts(self, table: Table) -> ColumnElement[bool]:
-        """Narrow a table with a column that names the element."""
+        """Restrict a table with a column that names the element."""
         return in_rows(table.c[self.owner], _ends(self))
 
     def said(self, table: Table) -> ColumnElement[bool]:
-        """Narrow the table of what was said."""
+        """Restrict the table of sayings."""
         return and_(self.parts(table), table.c.since > AFTER)
 
     def versions(self, table: Table) -> ColumnElement[bool]:
-        """Narrow the table of versions."""
+        """Restrict the table of versions."""
         until = table.c.until
         return and_(self.parts(table), or_(table.c.since > AFTER, until > AFTER, until.is_(None)))
 
 
 def began(table: Table) -> ColumnElement[bool]:
-    """Narrow a table to versions that began after the revision."""
+    """Restrict a table to versions that began after the revision."""
     return table.c.since > AFTER
 
 
 class Check(NamedTuple):
-    """A knowledge base under verification, and where findings go.
+    """A knowledge base under verification, and its report.
 
     Attributes:
         session: the session, in a read transaction.
         kb_id: the knowledge base.
-        report: where findings go.
-        after: the revision up to which it was verified before; 0: all of it is verified.
+        report: collects the findings.
+        after: the last revision that was verified before; 0 to verify all.
     """
 
     session: Session
@@ -201,7 +201,7 @@ class Check(NamedTuple):
     def read(
         self, table: Table, *names: str, narrow: Narrow, whole: Narrow | None = None
     ) -> Iterator[Row]:
-        """Read a table in the order of its key: `whole`, or what it is narrowed to."""
+        """Read a table in the order of its key: all of `whole`, or restricted by `narrow`."""
         if not self.after:
             return self.stream(in_order(table, *names, narrow=whole))
         query = in_order(table, *names, narrow=narrow)
@@ -254,15 +254,15 @@ _date = lru_cache(maxsize=8)(date.fromisoformat)
 
 
 def check_time(raw: Any) -> None:
-    """Raise unless a time that is stored as text has the form in which it is written."""
+    """Raise unless a time stored as text has exactly the written form."""
     if isinstance(raw, str):
-        # Several texts are read as the same time; only one has this form.
+        # Several texts are read as the same time, but only one has this form.
         if _TIME.fullmatch(raw) is None:
             raise ValueError(f"{raw!r} is not written as times are")
         _date(raw[:10])
 
 
 def stored_time(session: Session, raw: Any) -> datetime:
-    """Read a time; raise unless it is stored as it is written."""
+    """Read a time; raise unless it has exactly the written form."""
     check_time(raw)
     return session.to_time(raw)

@@ -1,4 +1,4 @@
-"""Checks that indexes, constraints and views are those of the migrations, and finds stray rows.
+"""Compares indexes, constraints and views with the migrations, and finds stray rows.
 
 With other indexes or views, the library or an auditor reads data that differs from the tables.
 """
@@ -21,13 +21,13 @@ from ...sql.tables import Base, KnowledgeBaseRow
 from .sides import Report
 
 TABLES = tuple(sorted(Base.metadata.tables))
-# Characters of a statement in a message.
+# The maximum number of a statement's characters in a message.
 _SHOWN = 200
 
 
 def check_structure(session: Session, report: Report) -> None:
     """Compare tables, constraints, indexes and views with those of the migrations."""
-    # Other objects in the database count only where they belong to a table or view of the library.
+    # Other objects in the database only count if they belong to a table or view of the library.
     dialect = session.backend.dialect.name
     expected = {
         each.head: each for each in recorded(dialect) if not each.head.startswith("COMMENT")
@@ -51,7 +51,7 @@ def check_structure(session: Session, report: Report) -> None:
 
 
 def check_generated(session: Session, kb_id: int | None, report: Report) -> None:
-    """Compare generated views with their marks, and find what took the place of one."""
+    """Compare generated views with their marks, and find other objects in their place."""
     for view, predicate in replaced_views(session, kb_id):
         report.add(
             None,
@@ -84,13 +84,13 @@ def _shortened(text: str) -> str:
 
 
 def _difference(expected: str, found: str) -> str:
-    """Show the first line of each that the other lacks."""
+    """Show the first lines in which two texts differ."""
     made, there = expected.splitlines(), found.splitlines()
     instead = [
         next((line.strip(" ,;") for line in lines if line not in others), "the same in other order")
         for lines, others in ((made, {*there}), (there, {*made}))
     ]
-    # Of long lines that begin alike, the beginning says nothing.
+    # If long lines begin alike, the beginning shows nothing.
     begin = 0
     if max(map(len, instead)) > _SHOWN:
         alike = takewhile(lambda pair: pair[0] == pair[1], zip(*instead, strict=False))
@@ -145,7 +145,7 @@ def check_strays(session: Session, kb_id: int | None, report: Report) -> None:
 
 
 def check_types(session: Session, kb_id: int, report: Report) -> None:
-    """Find values that are not of their column's type."""
+    """Find values that do not have their column's type."""
     for table, column, count in session.wrong_values(_TABLES, kb_id):
         values = "1 value" if count == 1 else f"{count} values"
         report.add(None, table, f"column {column} has {values} that are not of its type")

@@ -1,6 +1,6 @@
-"""Verification, and where an intact one ended, to go on from there.
+"""Verification, and the last verified revision, from which the next one can continue.
 
-Who may write the table of that can lie in it: what is kept saves time, and proves nothing.
+Anybody who may write its table can forge it: the kept revision saves time, but proves nothing.
 """
 
 from __future__ import annotations
@@ -53,15 +53,15 @@ from .sides import Check, Finding, Report
 from .structure import check_generated, check_indexes, check_strays, check_structure, check_types
 
 _ROW = VerificationRow
-# The revision of the mark that a verification leaves which found a fault.
+# The revision of the mark that a verification with a finding leaves.
 _FAULT = 0
 _READ = columns_of(table_of(_ROW), ("revision", "hash", "verified_at", "complete_at"))
-# The revisions of the last archive and of the last erasure.
+# The revisions of the last archive and the last erasure.
 _LAST_RECORDS = tuple(
     Query(select(func.max(row.since)).where(row.kb_id == KB)) for row in (ArchiveRow, ErasureRow)
 )
-# One that began earlier, on an older state, does not put back what a later one has kept, and does
-# not replace the mark of one that found a fault after it began.
+# A verification that began earlier, on an older state, does not replace what a later one kept, nor
+# the mark of one that found a fault after it began.
 _MOVE = Query(
     update(_ROW)
     .where(
@@ -89,17 +89,17 @@ _MARK = Query(
 
 
 class Kept(NamedTuple):
-    """How far a knowledge base was verified."""
+    """The last kept verification of a knowledge base."""
 
-    revision: int  # the last revision then
-    hash: str  # its hash then
-    verified_at: datetime  # when that was
-    # when a verification that began at revision 1 last ended; None: none was kept
+    revision: int  # the last revision at that time
+    hash: str  # its hash at that time
+    verified_at: datetime  # the time itself
+    # the end of the last kept verification that began at revision 1; None if there is none
     complete_at: datetime | None
 
 
 def _kept_in(session: Session, row: Row) -> Kept | None:
-    """Return how far it was verified; None if that is not known, or cannot be read."""
+    """Return the last kept verification; None if there is none, or it cannot be read."""
     number, digest, verified_at, complete_at = row
     try:
         moments = (
@@ -116,9 +116,9 @@ def _kept_in(session: Session, row: Row) -> Kept | None:
 def keep(
     store: Store, kb_id: int, number: int, digest: str, before: Kept | None, seen: object = None
 ) -> None:
-    """Keep how far it was verified.
+    """Keep the last verified revision.
 
-    `before` is what was continued, None if it is complete; `seen` the time of the row as it was
+    `before` is the continued verification, None if this one is complete; `seen` the time of the row
     when this one began.
     """
 
@@ -151,7 +151,7 @@ def keep(
 
 
 def forget(store: Store, kb_id: int) -> None:
-    """Forget how far it was verified: the next verification begins at revision 1."""
+    """Forget the last verified revision: the next verification begins at revision 1."""
 
     def write(session: Session) -> None:
         now = session.from_time(store.clock(session))
@@ -168,12 +168,12 @@ def forget(store: Store, kb_id: int) -> None:
 T = TypeVar("T")
 
 _WRONG_VALUES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
-# What is kept saves time, and proves nothing: these take no verdict away.
+# The kept revision only saves time: these errors leave the verdict as it is.
 _NOT_KEPT = (
     *(*PASSING, ConflictError, ReadOnlyError, StatementTimeoutError, StoreFullError),
     TransactionOpenError,
 )
-# How often progress is reported.
+# The number of progress reports.
 _REPORTS = 200
 
 
@@ -318,33 +318,33 @@ def verify_session(
 
 
 class End(NamedTuple):
-    """Where a verification ended, and what it continued."""
+    """The end of a verification, and the verification that it continued."""
 
     kb_id: int
     revision: int
     hash: str
     before: Kept | None
-    seen: object = None  # the time of what was kept when it began
+    seen: object = None  # the time of the kept row when it began
 
 
 def _first_to_check(session: Session, kb_id: int, kept: Kept) -> int:
     """Return the revision to continue from; 0 to begin at revision 1."""
     is_there = hash_of(session, kb_id, kept.revision) == kept.hash
-    # An archive and an erasure change what is left of earlier revisions.
+    # An archive and an erasure change the rest of earlier revisions.
     rows = (session.first(query, kb=kb_id) for query in _LAST_RECORDS)
     changed = max(row[0] if row is not None and isinstance(row[0], int) else 0 for row in rows)
     return kept.revision if is_there and changed <= kept.revision else 0
 
 
 def _keep(store: Store, done: Verification, end: End) -> Verification:
-    """Keep where an intact verification ended, and forget what was kept before another."""
+    """Keep the end of an intact verification; after a fault, forget the kept one."""
     try:
         if done.is_intact:
             keep(store, *end)
         else:
             forget(store, end.kb_id)
     except (ConflictError, ReadOnlyError, StoreError) as error:
-        # The table may be one of the findings.
+        # The table itself may have a finding.
         if done.is_intact and not isinstance(error, _NOT_KEPT):
             raise
         return replace(done, is_kept=False, keep_error=str(error))
@@ -422,10 +422,10 @@ class _Verifier:
         archives = read_archives(self._check)
         archived = read_archived(self._check, archives)
         self._archived = archived
-        # An archive has the records of its own versions, which are complete there.
+        # An archive also has the records of its own versions, which are complete there.
         self._archives = archives if archived else []
         self._erasures = read_erasures(self._check.session, self._check.kb_id)
-        # Later erasures change earlier revisions: what is continued has none that is new.
+        # Later erasures change earlier revisions, so a continued verification has none to check.
         erasures = None if self._check.after else ErasureCheck(self._check, self._erasures)
         chain = Chain(self._check, self._tell, archived, wanted, erasures=erasures)
         chain.run()
@@ -466,7 +466,7 @@ def _guarded(session: Session, report: Report, check: Callable[[], T]) -> T | No
         if type(error) is not StoreError:
             raise
         fault = f"the tables cannot be read: {error}"
-    # After the error is gone, and with it the cursors of its frames.
+    # Only now, without the error and the cursors of its frames.
     if fault is None:
         session.release(savepoint)
     else:
@@ -476,11 +476,11 @@ def _guarded(session: Session, report: Report, check: Callable[[], T]) -> T | No
 
 
 def _check_anchor(check: Check, number: int, digest: str, place: str, chain: Chain) -> None:
-    """Compare the history with a hash that was kept, in an anchor or by a verification."""
+    """Compare the history with a hash that an anchor or a verification kept."""
     add = check.report.add
     found = chain.hashes.get(number)
     if found is None and number < check.after:
-        # Verified before; what is stored has to be what was anchored all the same.
+        # It was verified before; the stored hash must still be the anchored one.
         found = hash_of(check.session, check.kb_id, number)
         if found is None:
             add(number, "revision", f"revision {number} is missing, and is in the {place}")
