@@ -1,1 +1,1 @@
-"""Plugins of kant_sql that come with it; entry points join them, and the core knows none."""
+"""Plugins that come with kant_sql; entry points connect them, and the core does not know them."""

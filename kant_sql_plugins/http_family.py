@@ -41,7 +41,7 @@ TIMEOUT = 60.0
 PAUSES = (0.0, 0.1, 0.5, 2.0)
 _URL = "https://:TOKEN@HOST:PORT/KNOWLEDGE_BASE"
 _OPTIONS = ("timeout", "insecure")
-# What takes any iterable.
+# Methods that take any iterable.
 _BULK = {"save_all", "delete_all", "confirm"}
 
 
@@ -65,7 +65,7 @@ class _Place(NamedTuple):
 
 
 def _place_of(url: str, knowledge_base: str) -> _Place:
-    # No message has a part of the URL with the token.
+    # Messages must not contain the part of the URL with the token.
     parts = urlsplit(url)
     options = dict(parse_qsl(parts.query, keep_blank_values=True))
     if not options.keys() <= {*_OPTIONS} or parts.fragment:
@@ -98,17 +98,17 @@ def _place_of(url: str, knowledge_base: str) -> _Place:
 
 
 def _server_of(parts: SplitResult) -> tuple[str, int | None]:
-    """Read the host and the port, as a socket and a header take them."""
+    """Read the host and the port, in the form for sockets and headers."""
     host = parts.hostname or ""
     with suppress(ValueError):
-        # A port may be no number, and a part of a name too long.
+        # A port may not be a number, and a part of a name may be too long.
         if host.encode("idna") and host.isprintable() and " " not in host and not parts.username:
             return host, parts.port
     raise InvalidUrlError(f"this is not the URL of a server; write {_URL}")
 
 
 class _BrokenError(Exception):
-    """There was no whole answer; `is_sent` says whether the request may have arrived."""
+    """There was no complete answer; `is_sent` says whether the request may have arrived."""
 
     def __init__(self, error: Exception, is_sent: bool) -> None:
         super().__init__(str(error) or type(error).__name__)
@@ -116,7 +116,7 @@ class _BrokenError(Exception):
 
 
 class _Link:
-    """Sends requests over connections that threads take turns on."""
+    """Sends requests over connections that threads use in turn."""
 
     def __init__(self, place: _Place) -> None:
         self.place = place
@@ -141,9 +141,9 @@ class _Link:
         return None
 
     def get(self, **query: str) -> Any:
-        """Ask what reads."""
+        """Send a request that reads."""
         target = f"{dao_calls.DAO_PATH}?{urlencode({'kb': self.place.name, **query})}"
-        # The headers have some of it.
+        # The headers need a part of the maximum.
         if len(target) > (most := dao_calls.LONGEST_HEAD - 2_000):
             raise InvalidArgumentError(
                 f"the call has {len(target):,} bytes as an address, more than {most:,}; "
@@ -152,7 +152,7 @@ class _Link:
         return self._repeat("GET", target, None, {})
 
     def post(self, call: dict[str, object], path: str = dao_calls.DAO_PATH) -> Any:
-        """Write once."""
+        """Send a write, which the server writes once."""
         body = json.dumps(call).encode()
         if len(body) > dao_calls.LONGEST_BODY:
             raise InvalidArgumentError(
@@ -174,7 +174,7 @@ class _Link:
                 status, text = self._send(method, target, body, headers)
                 return self._understood(status, text, body is not None)
             except _BrokenError as error:
-                # The others are as old.
+                # The other connections are as old.
                 self._drop()
                 broken, is_sent = error, is_sent or error.is_sent
             if pause is None or isinstance(broken.__cause__, TimeoutError):
@@ -204,7 +204,7 @@ class _Link:
             connection.request(method, target, body, headers)
             with connection.getresponse() as answer:
                 if answer.length is None and not answer.chunked:
-                    # Cut within its head, an answer may seem to be whole, and empty.
+                    # An answer that is cut within its head may seem complete and empty.
                     raise http.client.HTTPException("the answer has no length")
                 text = answer.read()
         except BaseException as error:
@@ -223,7 +223,7 @@ class _Link:
         return kind(place.host, place.port, timeout=place.timeout)
 
     def _understood(self, status: int, text: bytes, writes: bool) -> Any:
-        """Read an answer, or raise the error that it is."""
+        """Read an answer, or raise its error."""
         try:
             found = json.loads(text)
         except (ValueError, RecursionError):
@@ -269,11 +269,11 @@ class _Transaction:
         self._link = link
         self._id, self._number = secrets.token_hex(16), 0
         self._process = os.getpid()
-        # Until a request is answered, nobody knows what it has done.
+        # Until a request is answered, its effect is unknown.
         self._is_broken = False
 
     def ask(self, step: str, **said: object) -> Any:
-        """Take the next step."""
+        """Send the next step."""
         # A child that was forked within the block leaves it to its parent.
         if (self._is_broken and step != "rollback") or self._process != os.getpid():
             raise self._lost()
@@ -311,7 +311,7 @@ def _json(value: object) -> str:
 
 
 def _described(at: list[dict[str, Any]]) -> str:
-    """Say which past state the last of some moments is."""
+    """Describe the past state of the last of some moments."""
     valid = next((one["valid"] for one in reversed(at) if "valid" in one), None)
     said = "" if valid is None else f", as it was true at {valid.isoformat()}"
     return f"revision {at[-1]['known']}{said}"
@@ -373,7 +373,7 @@ class HttpDaoFactory(DaoFactory):
             return
         opened = self._opened()
         if opened is not None:
-            # Else the server keeps it open, and other writers wait.
+            # Otherwise the server keeps it open, and other writers wait.
             with suppress(KantSqlError):
                 opened.ask("rollback")
         self._link.close()
@@ -386,7 +386,7 @@ class HttpDaoFactory(DaoFactory):
         moments = {name: one for name, one in given.items() if one is not None}
         found = self._link.get(at=_json([*self._at, moments]))
         past = copy(self)
-        # A relative text is of this moment.
+        # A relative text means this moment.
         of_valid = {name: one for name, one in moments.items() if name == "valid"}
         past._at = [*self._at, {"known": found["revision"], **of_valid}]
         return past
@@ -424,12 +424,12 @@ class HttpDaoFactory(DaoFactory):
                 block.close()
 
     def _opened(self) -> _Transaction | None:
-        """Find the transaction that is open in this thread, task and context."""
+        """Find the open transaction of this thread, task and context."""
         block = own_block(self)
         return None if block is None else cast(_Transaction, block.transaction)
 
     def _wait_for_none(self) -> None:
-        """Refuse to wait on the server for what this thread has to end."""
+        """Refuse to wait on the server for a block that this thread must end."""
         ahead = block_ahead(self.queue)
         if ahead is not None:
             raise ahead.refuse("to write")
@@ -480,7 +480,7 @@ class HttpDaoFactory(DaoFactory):
 
 
 def _listed(value: Any, do: str) -> Any:
-    """Make a list of any iterable, which one request takes to the server."""
+    """Make a list of any iterable, for one request to the server."""
     if is_many(value) or isinstance(value, str | bytes) or not isinstance(value, Iterable):
         return value
     given = [*islice(iterate(value, f"what {do} takes"), dao_calls.MOST_CHANGES + 1)]

@@ -1,12 +1,12 @@
 """State transitions of facts and values as MCAP, for Foxglove and the tools of rosbags.
 
-A channel is a lane of a timeline: its messages say in `value` what a state is from then on. A fact
-of no or one argument, and one that is named with all of them, is true or false. Else a lane is of
-all arguments but the last, and its value is that: `/tiago/fact/robot_at/rb1` is `wp1`, then `wp2`.
-The value of a fluent is its number, or its object. `/tiago/plan/steps` has the steps that run, and
+A channel is a lane of a timeline: the `value` of a message is the state from then on. A fact with
+at most one argument, or chosen with all its arguments, is true or false. Otherwise, a lane has all
+arguments but the last, which is its value: `/tiago/fact/robot_at/rb1` is `wp1`, then `wp2`. The
+value of a fluent is its number or its object. `/tiago/plan/steps` has the running steps, and
 between them the outcome of the last one: `(move rb1 wp1 wp2)`, then `failed: (move rb1 wp1 wp2)`.
 
-By the clock of valid times, facts and values change when what is true changes, as it is known.
+With the clock of valid times, facts and values change when the truth changes, as known now.
 """
 
 from __future__ import annotations
@@ -54,16 +54,16 @@ if TYPE_CHECKING:
 
 FORMAT = "mcap"
 CONTENT = "transitions"
-# MCAP numbers channels in 16 bits; a viewer that lists so many is of no use.
+# MCAP numbers channels with 16 bits; a viewer with so many channels is useless.
 MOST_CHANNELS = 10_000
-# Changes of what was true whose names are read at a time.
+# The number of changes of valid times whose names are read together.
 PAGE = 1_000
-# The last time that MCAP can express, in microseconds: it is in the year 2554.
+# The last time that MCAP can express, in microseconds, in the year 2554.
 _LAST_TIME = (2**64 - 1) // 1_000
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _VALUE = re.compile(r"\(= (\(.*\)) (\S+)\)")
-# Foxglove reads a property of one type only; what is not known is left out.
+# Foxglove allows only one type per property; unknown values are left out.
 _COMMON = {
     "text": ("string", "what holds from then on, as PDDL; empty: nothing does"),
     "revision": ("integer", "the revision that made it so"),
@@ -96,23 +96,23 @@ def export_transitions(
     """Write state transitions of facts and values to MCAP files, one for each knowledge base.
 
     Messages are JSON with a JSON schema. Their log time and publish time are that of the
-    observation, if the writer gave it, and else of the commit: a viewer goes by one of them, and
-    shows what was sensed beside the robot's own recording of that time.
+    observation, if the writer gave it, or else of the commit: a viewer uses one of them, and shows
+    sensed facts beside the robot's own recording of that time.
 
     Args:
         url: the database URL.
         to: the folder; it is created if it is missing.
-        knowledge_base: the one whose states they are; None for all of the store.
+        knowledge_base: the knowledge base; None for all of the store.
         names: the names of predicates and functions; None for all, unless elements are given.
         elements: facts and fluents, as `(robot_at rb1 wp1)` and `(battery rb1)`, each in a channel.
-        since: begin with the state before this revision or aware time. A revision is of one
-            knowledge base, which must be named. What was archived cannot be shown.
+        since: begin with the state before this revision or aware time. A revision belongs to one
+            knowledge base, which you must name. Archived versions are missing.
         until: end with this revision or aware time.
         replace: whether to replace an earlier export in the folder.
-        progress: called with the number of revisions done, and the number in total.
-        clock: `committed`, or `valid` for when facts and values were true, as it is known now: the
-            times of their messages, of `since` and of `until` are valid times then, and a revision
-            stands for the time of its commit. Steps of plans stay at their revisions.
+        progress: called with the number of finished revisions, and their total.
+        clock: `committed`, or `valid` for when facts and values were true, as known now: then
+            messages, `since` and `until` have valid times, and a revision stands for the time of
+            its commit. Steps of plans stay at their revisions.
 
     Returns:
         The written files.
@@ -123,7 +123,7 @@ def export_transitions(
         UnknownNameError: there never was such a predicate or function.
         KantSqlError: there is no such knowledge base.
         UnknownRevisionError: there is no such revision, or a time has no zone.
-        ExtraMissingError: mcap is not installed; the extra `mcap` has it.
+        ExtraMissingError: mcap is not installed; it comes with the extra `mcap`.
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.
         StoreError: the database cannot be read.
         OSError: the files cannot be written.
@@ -156,14 +156,14 @@ def _import_mcap() -> Any:
 
 
 class _Chosen:
-    """Which facts and fluents are wanted."""
+    """The choice of facts and fluents."""
 
     def __init__(self, names: object, elements: object) -> None:
         self._names = [] if names is None else expect_list(names, str, "the names")
         texts = [] if elements is None else expect_list(elements, str, "the elements")
         self._folded = {fold(name) for name in self._names}
         self._elements = {_folded_words(text): text for text in texts}
-        self.is_all = names is None and elements is None  # whether all are, and steps of plans
+        self.is_all = names is None and elements is None  # whether all are, with steps of plans
 
     def check(self, every: list[str]) -> None:
         """Refuse names that no predicate and no function ever had."""
@@ -175,7 +175,7 @@ class _Chosen:
                 )
 
     def has(self, name: str) -> bool:
-        """Whether facts or fluents of a name may be wanted."""
+        """Whether facts or fluents with a name may be chosen."""
         key = fold(name)
         return (
             self.is_all or key in self._folded or any(key == words[0] for words in self._elements)
@@ -207,13 +207,13 @@ def _folded_words(text: str) -> tuple[str, ...]:
 
 
 class _Lane:
-    """A channel, and what holds in it."""
+    """A channel and its present values."""
 
     def __init__(self, channel: int, type_: str) -> None:
         self.channel = channel  # its number
         self.type = type_  # the JSON type of its value
-        self.holds: dict[str, str] = {}  # the values that hold now, each with its text
-        self.last: _AuditedChange | None = None  # the change that made it so
+        self.holds: dict[str, str] = {}  # the present values, each with its text
+        self.last: _AuditedChange | None = None  # the last change
 
     def take(self, change: _AuditedChange, value: str) -> None:
         """Apply a change."""
@@ -224,7 +224,7 @@ class _Lane:
         self.last = change
 
     def message(self) -> dict[str, object]:
-        """Write what holds, and who made it so."""
+        """Write the values, and who made the last change."""
         assert self.last is not None
         change, values = self.last, sorted(self.holds)
         observed = None if change.observed_at is None else time_text(change.observed_at)
@@ -253,7 +253,7 @@ class _Recording:
     """Writes the transitions of one knowledge base."""
 
     def __init__(self, file: BinaryIO, state: KnowledgeBaseState, chosen: _Chosen) -> None:
-        self.messages = 0  # how many there are
+        self.messages = 0  # the number of messages
         self._state = state
         self._chosen = chosen
         self._writer: Writer = _import_mcap().Writer(file)
@@ -264,7 +264,7 @@ class _Recording:
     def run(
         self, snapshot: StoreSnapshot, window: Window, span: ValidRange | None
     ) -> Iterator[int]:
-        """Write all; yield each revision that is done. By valid times, steps come last."""
+        """Write all; yield each finished revision. With valid times, steps come last."""
         session, state = snapshot.session, self._state
         kb_id = snapshot.ids[state.name]
         self._writer.start(library="kant_sql")
@@ -273,7 +273,7 @@ class _Recording:
         if self._chosen.is_all:
             rows = session.rows(_STEP_TEXTS, kb=kb_id)
             self._steps = {id_text((row[0], row[1])): row[2] for row in rows}
-        # Of what was before, a part may be in the archive.
+        # A part of the earlier versions may be in the archive.
         low, high = max(window[0], state.archived + 1 if state.archived else 1), window[1]
         if span is not None:
             self._write_true(session, kb_id, span)
@@ -283,7 +283,7 @@ class _Recording:
             queries = _STATE if span is None else _STATE[-1:]
             held = chain.from_iterable(session.stream(each, kb=kb_id, low=low) for each in queries)
             self._write(self._take_all(_audited(session, held)), session.to_time(before[0]))
-        # Oldest first; of a revision, what it ended first.
+        # Oldest first; within a revision, ended versions first.
         found = session.stream(_CHANGES[span is not None], kb=kb_id, low=low, high=high)
         changes = _audited(session, found)
         for revision, group in groupby(changes, key=attrgetter("revision")):
@@ -292,7 +292,7 @@ class _Recording:
         self._writer.finish()  # type: ignore[no-untyped-call]
 
     def _write_true(self, session: Session, kb_id: int, span: ValidRange) -> None:
-        """Write what was true right before a range of times, and what changed in it."""
+        """Write what was true right before a range of times, and the changes in it."""
         names: dict[bool, dict[int, str]] = {
             is_fact: dict(session.rows(query, kb=kb_id)) for is_fact, query in _OWNERS.items()
         }
@@ -331,7 +331,7 @@ class _Recording:
         return found
 
     def _take_step(self, change: _AuditedChange) -> list[_Lane]:
-        """Apply what becomes of a step: of ended ones, the last is kept until another starts."""
+        """Apply an outcome of a step: the last ended one stays until another starts."""
         if change.sign == "-" or not self._chosen.is_all:
             return []
         id_, act, status = read_outcome(change.text)
@@ -366,7 +366,7 @@ class _Recording:
         return _Lane(channel, type_)
 
     def _write(self, lanes: Iterable[_Lane], moment: datetime | None) -> None:
-        """Write what holds in lanes; since a moment, or since the change that made it so."""
+        """Write the values of lanes; at a moment, or at their last changes."""
         for lane in lanes:
             change = lane.last
             assert change is not None
@@ -383,7 +383,7 @@ class _Recording:
 
 
 def _read(change: _AuditedChange) -> tuple[str, list[str]]:
-    """Return the value that a change is about, and the words of its fact or fluent."""
+    """Return the value of a change, and the words of its fact or fluent."""
     found = _VALUE.fullmatch(change.text) if change.kind == "value" else None
     if found is not None:
         return found[2], found[1][1:-1].split()
@@ -408,10 +408,10 @@ def _schema(type_: str) -> dict[str, object]:
     }
 
 
-# What the export reads of the audit.
+# Queries on the audit.
 
 _WHO = "committed_at, observed_at, actor, reason, source"
-# By whether they are of steps only.
+# By whether they only read steps.
 _CHANGES = {
     of_steps: Query(
         text(
@@ -449,7 +449,7 @@ _OWNERS = {
     is_fact: Query(text(f"SELECT id, name FROM {owner} WHERE kb_id = :kb"))
     for is_fact, owner in ((True, "predicate"), (False, "function"))
 }
-# When a revision was sensed, or else committed.
+# The time of a revision's observation, or else of its commit.
 _TIME_OF = Query(
     text(
         "SELECT COALESCE(observed_at, committed_at) FROM audit_revision"
@@ -459,7 +459,7 @@ _TIME_OF = Query(
 
 
 class _AuditedChange(NamedTuple):
-    """A change of a fact or a value, and the revision that made it; the source is JSON text."""
+    """A change of a fact or a value, with its revision; the source is JSON text."""
 
     revision: int
     sign: str
@@ -481,7 +481,7 @@ def _audited(session: Session, rows: Iterable[Row]) -> Iterator[_AuditedChange]:
         yield change._replace(committed_at=committed, observed_at=observed)
 
 
-# What it reads of valid times.
+# Reads of valid times.
 
 
 def _told(
@@ -490,7 +490,7 @@ def _told(
     names: Mapping[bool, Mapping[int, str]],
     page: Sequence[tuple[Instant, Touch]],
 ) -> Iterator[tuple[datetime, _AuditedChange]]:
-    """Say in words what became true or untrue, each with its time, and who said so."""
+    """Yield changes of the truth as texts, each with its time and its revision."""
     touches = [touch for _, touch in page]
     ids = {id_ for touch in touches for id_ in touch.objects}
     ids |= {touch.value for touch in touches if isinstance(touch.value, int)}

@@ -1,7 +1,7 @@
-"""What was done, because of what, as W3C PROV (Moreau and Missier, PROV-DM, 2013), in PROV-JSON.
+"""Acts and their causes as W3C PROV (Moreau and Missier, PROV-DM, 2013), in PROV-JSON.
 
-Executions are activities, and so are revisions of none; versions of facts and values are entities,
-actors are agents. An activity used the versions that its conditions rest on, and generated and
+Executions and revisions without one are activities; versions of facts and values are entities;
+actors are agents. An activity used the versions on which its conditions depend, and generated and
 invalidated those that its revisions began and ended.
 """
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from prov.model import ProvDocument
 
 FORMAT = "prov"
-# The executions whose conditions are evaluated at a time.
+# The number of executions whose conditions are evaluated together.
 PAGE = 200
 _FLUENT = re.compile(r"\(= (\(.*?\)) .*\)")
 
@@ -48,37 +48,37 @@ def export_provenance(
     progress: Progress | None = None,
     clock: str = COMMITTED,
 ) -> Exported:
-    """Write a document of PROV-JSON for each knowledge base, which is built in memory.
+    """Write a document of PROV-JSON, built in memory, for each knowledge base.
 
     Args:
         url: the database URL.
         to: the folder; it is created if it is missing.
-        knowledge_base: the one whose past it is; None for all of the store.
+        knowledge_base: the knowledge base; None for all of the store.
         names: must be None: provenance is whole.
         elements: must be None.
         since: only revisions from this one, or from this aware time on.
         until: only revisions up to this one, or to this time.
         replace: whether to replace an earlier export in the folder.
-        progress: called with the number of revisions done, and the number in total.
-        clock: must be `committed`: an act used what was known when it was done, whatever was said
-            of that time later.
+        progress: called with the number of finished revisions, and their total.
+        clock: must be `committed`: an act used what was known when it was done, not what was
+            stated about that time later.
 
     Returns:
-        What was written; the rows of a file are its revisions.
+        The written files; the rows of a file are its revisions.
 
     Raises:
         InvalidArgumentError: the folder has other files, names or elements are given, the clock is
             `valid`, or the range ends before it begins.
         KantSqlError: there is no such knowledge base.
         UnknownRevisionError: there is no such revision, or a time has no zone.
-        ExtraMissingError: prov is not installed; the extra `prov` has it.
+        ExtraMissingError: prov is not installed; it comes with the extra `prov`.
         SchemaError: the tables are missing, outdated or too new; the message names the remedy.
         StoreError: the database cannot be read.
         OSError: the files cannot be written.
     """
     if names is not None or elements is not None:
         raise InvalidArgumentError("provenance is whole; leave names and elements out")
-    # PROV has an activity generate while it lasts: who reports late did not make it true.
+    # In PROV, an activity generates while it lasts: a late report did not make a fact true.
     refuse_valid_clock(clock, "acts used what was known when they were done, so provenance is")
     with needing("this needs prov, which is not installed; run: pip install 'kant-sql[prov]'"):
         from prov.model import ProvDocument
@@ -103,7 +103,7 @@ class _Provenance:
         self._document, self._kb = document, kb
         document.add_namespace("kb", f"urn:kant-sql:{encoded(name)}:")
         self._entities: set[str] = set()
-        # The version of a fact or a fluent that holds, by its text without a value.
+        # The present version of a fact or a fluent, by its text without a value.
         self._held: dict[str, str] = {}
         self._made: defaultdict[str, list[str]] = defaultdict(list)
 
@@ -121,7 +121,7 @@ class _Provenance:
         return count
 
     def _revision(self, entry: LogEntry) -> None:
-        """Add what a revision changed, with the executions or the observation that it is of."""
+        """Add the changes of a revision, with its executions or its observation."""
         revision, document = entry.revision, self._document
         told = [
             read_outcome(one.text).id
@@ -135,7 +135,7 @@ class _Provenance:
             document.activity(activities[0], at, at, {"prov:label": label})
         for activity in activities if revision.actor is not None else ():
             document.wasAssociatedWith(activity, self._agent(revision.actor or ""))
-        # What ends comes first: a value ends where the next one begins.
+        # Ends first: a value ends where the next one begins.
         for change in sorted(entry.changes, key=lambda one: one.sign, reverse=True):
             if change.kind not in (FACT, VALUE):
                 continue
@@ -157,7 +157,7 @@ class _Provenance:
         return self._entity(key, 0 if version is None else version.since.number, key)
 
     def _act(self, act: Execution, used: list[tuple[str, int]]) -> None:
-        """Add an execution with what it used, of which what it made was derived."""
+        """Add an execution with the versions that it used; derive the versions that it made."""
         activity, document = f"kb:execution/{act.id}", self._document
         said = {"prov:label": str(act), "kb:outcome": act.outcome, "kb:reason": act.reason}
         given = {key: value for key, value in said.items() if value is not None}
@@ -174,7 +174,7 @@ class _Provenance:
                 document.wasDerivedFrom(made, version, activity)
 
     def _entity(self, key: str, since: int, text: str) -> str:
-        """Return the name of a version, which is added when it is first named."""
+        """Return the name of a version; add it on first use."""
         name = f"kb:version/{encoded(key)}/{since}"
         if name not in self._entities:
             self._entities.add(name)

@@ -1,6 +1,6 @@
-"""Executions as trajectories, for programs that learn models of actions.
+"""Executions as trajectories, for programs that learn action models.
 
-The form is that of SAM learners (Juba, Le and Stern, Safe Learning of Lifted Action Models, 2021)
+The format is that of SAM learners (Juba, Le and Stern, Safe Learning of Lifted Action Models, 2021)
 and of the package `pddl-plus-parser`: `((:init FACT ...) (operator: (ACT)) (:state FACT ...) ...)`.
 """
 
@@ -58,7 +58,7 @@ _HELD = [
     for view, condition in (("audit_fact", " AND kind = 'fact'"), ("audit_value", ""))
 ]
 _ACTS = Query(text("SELECT plan_id, position, text FROM execution WHERE kb_id = :kb"))
-# What the other clock reads: when acts were done, and which revisions are of one act.
+# For the clock of valid times: the times of acts, and the revisions that belong to one act.
 _DONE = Query(
     text(
         "SELECT plan_id, position, text, started_at, ended_at FROM audit_execution"
@@ -76,7 +76,7 @@ _OF_ONE = Query(
 
 
 class Transition(NamedTuple):
-    """An act that succeeded, and the states before and after it, as texts."""
+    """A successful act, and the states before and after it, as texts."""
 
     before: frozenset[str]
     act: str
@@ -96,34 +96,33 @@ def export_trajectories(
     progress: Progress | None = None,
     clock: str = COMMITTED,
 ) -> Exported:
-    """Write the executions that succeeded, each between the states before and after it.
+    """Write the successful executions, each between the states before and after it.
 
     Each knowledge base has a folder with `domain.pddl`, `problem.pddl`, which has the objects, and
-    `1.trajectory`, `2.trajectory` ...: another begins where something else changed the state
-    meanwhile. What cannot be told apart is left out: executions during which others wrote facts or
-    values, and several in one revision. So are acts that are no actions of the domain, and values
-    that are no numbers.
+    `1.trajectory`, `2.trajectory` ...: a new one begins where something else changed the state.
+    Ambiguous executions are left out: those during which others wrote facts or values, and several
+    in one revision. So are acts that are not actions of the domain, and values that are not
+    numbers.
 
-    By the clock of valid times, acts are at the times when they began and ended, as was reported,
-    and states are what was true then, as it is known now: what is left out are executions during
-    which something became true or untrue because others said so. So is what was done before the
-    first revision and all periods.
+    With the clock of valid times, acts are at their reported beginnings and ends, and states are
+    what was true then, as known now. Left out are executions during which other statements made
+    something true or untrue, and those before the first revision and all periods.
 
     Args:
         url: the database URL.
         to: the folder; it is created if it is missing.
-        knowledge_base: the one whose executions they are; None for all of the store.
+        knowledge_base: the knowledge base; None for all of the store.
         names: must be None: states are whole.
         elements: must be None.
-        since: only what began in this revision or at this aware time or later.
-        until: only what ended up to this revision or time.
+        since: only executions that began in this revision or at this aware time, or later.
+        until: only executions that ended up to this revision or time.
         replace: whether to replace an earlier export in the folder.
-        progress: called with the number of revisions done, and the number in total.
-        clock: `committed`, or `valid` for what was true: `since` and `until` are valid times then,
+        progress: called with the number of finished revisions, and their total.
+        clock: `committed`, or `valid` for what was true: then `since` and `until` are valid times,
             and a revision stands for the time of its commit.
 
     Returns:
-        What was written; the rows of a trajectory are its executions.
+        The written files; the rows of a trajectory are its executions.
 
     Raises:
         InvalidArgumentError: the folder has other files, names or elements are given, there is no
@@ -161,7 +160,7 @@ def export_trajectories(
 
 
 def _write_documents(kb: KnowledgeBase, folder: Folder, state: KnowledgeBaseState) -> None:
-    """Write the domain and the objects as they are at the end."""
+    """Write the domain and the objects at the end."""
     past = kb.at(state.revision)
     for name, written in (("domain", past.domain_pddl()), ("problem", past.problem_pddl())):
         path = f"{folder_name(state.name)}/{name}.pddl"
@@ -170,9 +169,9 @@ def _write_documents(kb: KnowledgeBase, folder: Folder, state: KnowledgeBaseStat
 
 
 def _chains(transitions: Iterable[Transition]) -> Iterator[Iterator[str]]:
-    """Yield the lines of each trajectory: that of the first state, then one for each act.
+    """Yield the lines of each trajectory: one for the first state, then one for each act.
 
-    The lines are read before the next trajectory is asked for.
+    Read the lines before you take the next trajectory.
     """
     following: list[Transition] = []
     rest = iter(transitions)
@@ -201,8 +200,8 @@ def _state_text(state: frozenset[str]) -> str:
 def _read_known(
     session: Session, kb: int, state: KnowledgeBaseState, window: Window
 ) -> tuple[Iterable[str], Iterable[Row]]:
-    """Read what held before a range of revisions, and what changed in it."""
-    # Of what was before, a part may be in the archive.
+    """Read the facts and values before a range of revisions, and the changes in it."""
+    # A part of the earlier ones may be in the archive.
     low = max(window[0], state.archived + 1)
     held = [row[0] for query in _HELD for row in session.rows(query, kb=kb, low=low)]
     return held, session.stream(_CHANGES, kb=kb, low=low, high=window[1])
@@ -211,18 +210,18 @@ def _read_known(
 def _read_true(
     session: Session, kb: int, past: ValidPast
 ) -> tuple[Iterable[str], Iterable[tuple[Any, ...]]]:
-    """Read what was true right before a range of times, and what changed in it, as `_CHANGES`."""
+    """Read what was true right before a range of times, and the changes in it, as `_CHANGES`."""
     defined = past.definitions
     owners = [tuple([one.id for one in of]) for of in (defined.predicates, defined.functions)]
     held, changes = past.read(session, kb, Subjects(predicates=owners[0], functions=owners[1]))
     ahead = [*islice(changes, 1)]
-    # Before, nothing is known.
+    # Nothing is known before this.
     first = min([read_numbered(session, kb, [1])[1].committed_at, *(at.time for at, _ in ahead)])
     begin, end = max(past.span.since, first), past.span.until
     acts: list[tuple[Any, ...]] = []
     for plan_id, position, act, *times in session.rows(_DONE, kb=kb):
         began, ended = map(session.to_time, times)
-        # At one time, acts begin before all that changes, and end after it.
+        # At one time, acts begin before all changes, and end after them.
         for at, number, sign, outcome in (
             (began, 0, "+", RUNNING),
             (ended, LARGEST, "-", RUNNING),
@@ -249,12 +248,12 @@ def _text(world: World, touch: Touch) -> str:
 def _transitions(
     acts: Mapping[str, str], held: Iterable[str], changes: Iterable[Row]
 ) -> Iterator[Transition]:
-    """Return the executions that succeeded, if nothing else can have changed the state meanwhile.
+    """Return the successful executions during which nothing else can have changed the state.
 
-    The changes are of revisions, or of one time as a revision says, one after the other.
+    The changes are grouped by revision, or by revision at each time.
     """
     now = frozenset(filter(_is_shown, held))
-    # The states before those that run; None where others changed something since.
+    # The states before running executions; None if others have changed something since.
     running: dict[str, frozenset[str] | None] = {}
     for _, group in groupby(changes, key=itemgetter(0)):
         revision, before = _Changes([*group]), now
@@ -266,17 +265,17 @@ def _transitions(
                 begun = running.pop(id_, None)
             if outcome == RUNNING:
                 running[id_] = begun
-            # A word that is no name of the domain is quoted.
+            # A name that is not in the domain is quoted.
             elif outcome == SUCCEEDED and begun is not None and '"' not in acts[id_]:
                 yield Transition(begun, acts[id_], now)
 
 
 class _Changes:
-    """What one revision changed.
+    """The changes of one revision.
 
     Attributes:
-        facts: the facts and values that it asserted and retracted, by sign.
-        outcomes: the ids of executions, with the outcomes that it gave them.
+        facts: the asserted and retracted facts and values, by sign.
+        outcomes: the ids of executions, with their new outcomes.
         ended: the ids of executions that had an outcome before.
     """
 
@@ -299,11 +298,11 @@ class _Changes:
                 self.facts[sign].add(said)
 
     def disturbs(self, id_: str) -> bool:
-        """Whether something else than an execution may have changed the state."""
+        """Whether anything but this execution may have changed the state."""
         return any(self.facts.values()) and self._own != {id_}
 
 
 def _is_shown(said: str) -> bool:
-    """Whether learners read a fact or value: of values, numbers."""
+    """Whether learners read a fact or value: only numeric values."""
     value = _VALUE.fullmatch(said)
     return value is None or NUMBER.fullmatch(value[1]) is not None

@@ -1,4 +1,4 @@
-"""Access: who may read, under which host names, and browser policies for the answers."""
+"""Access: which readers, under which host names, and browser policies for the answers."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ _HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
-# Pages of the present change; a file with its digest in the address does not.
+# Pages change; a file whose address has its digest does not.
 _NO_CACHE, _CACHE = "no-cache", "max-age=31536000, immutable"
 
 
 def allowed_hosts(bound: str, others: Iterable[str] = ()) -> frozenset[str]:
     """Return the host names that a server bound to an address answers to."""
     # A page of somebody else can make its own name lead to this address ("DNS rebinding"), so names
-    # are listed; an address in digits cannot be redirected.
+    # are listed; nobody can redirect an address in digits.
     own = () if is_loopback(bound) else (bound, socket.gethostname(), socket.getfqdn())
     return frozenset(name.lower() for name in (*LOOPBACK, *own, *others))
 
@@ -66,14 +66,14 @@ class Programs:
     """Checks the tokens of programs: who may write, and what each may read."""
 
     def __init__(self, tokens: TokenFile, scopes: Mapping[str, str], longest: int) -> None:
-        """Take the tokens, the scope that each path of a write needs, and the most bytes of one."""
+        """Take the tokens, the scope for each path that writes, and the most bytes of a write."""
         self._tokens = tokens
         self._scopes = scopes
         self._longest = longest
 
     def admit(self, scope: Scope, headers: Headers) -> Response | None:
-        """Note the token of a request, as `scope["token"]`; return the answer if it is refused."""
-        # A request that only reads is not judged here without a token of the file.
+        """Set the token of a request as `scope["token"]`; return the answer if it is refused."""
+        # Requests that only read without a token of the file are not judged here.
         writes = self._scopes.get(scope["path"]) if scope["method"] == "POST" else None
         given = _bearer(headers)
         token = None if given is None else self._tokens.find(given)
@@ -91,13 +91,13 @@ class Programs:
         return self._choose(scope, token) or self._bound(scope, headers, writes)
 
     def _choose(self, scope: Scope, token: Token) -> Response | None:
-        """Check the knowledge base; of a token for one, that is the default."""
+        """Check the knowledge base; for a token for only one, that is the default."""
         query = QueryParams(scope["query_string"])
         named = query.getlist("kb")
         for name in filter(None, (*named, *query.getlist("branch"))):
             if not token.is_for(name):
                 return refusal(scope, 403, f"the token is not for the knowledge base {name!r}")
-        # The last one counts, and an empty one is none.
+        # The last one counts, and an empty one counts as none.
         if not (any(named[-1:]) or token.is_for_all):
             if len(token.knowledge_bases) > 1:
                 return refusal(scope, 403, "the token is for several knowledge bases: give kb=NAME")
@@ -113,15 +113,15 @@ class Programs:
 
     @property
     def too_long(self) -> str:
-        """What is said of a request that is too long."""
+        """The error for a request that is too long."""
         return f"the request has more than {self._longest:,} bytes; write it in several"
 
     def accepts(self, scope: Scope) -> bool:
-        """Return whether the token of a request that was admitted still has its rights."""
+        """Return whether the token of an admitted request still has its rights."""
         return "token" not in scope or self._tokens.has(scope["token"])
 
     def bounded(self, scope: Scope, receive: Receive) -> Receive:
-        """Bound a body that comes in parts, without its length."""
+        """Limit a body that comes in parts, without its length."""
         if "token" not in scope:
             return receive
         left = self._longest
@@ -148,14 +148,14 @@ def _bearer(headers: Headers) -> str | None:
 def _given(headers: Headers) -> str:
     """Return the token of a request's header, or else of its cookie."""
     given = _bearer(headers)
-    # `SimpleCookie` raises for what other servers of this machine may have named theirs.
+    # `SimpleCookie` raises for names that other servers of this machine may have set.
     return (
         cookie_parser(headers.get("cookie", "")).get(TOKEN_COOKIE, "") if given is None else given
     )
 
 
 def log_refusal(scope: Scope, status: int, why: str) -> None:
-    """Log who was refused what, and why; never the token."""
+    """Log a refused request and the reason; never the token."""
     token: Token | None = scope.get("token") or scope.get("refused_token")
     who = "nobody" if token is None else f"token {token.id} of {token.actor}"
     client = (scope.get("client") or ("unknown",))[0]
@@ -164,13 +164,13 @@ def log_refusal(scope: Scope, status: int, why: str) -> None:
 
 
 def refused(scope: Scope, status: int, why: str) -> HTTPException:
-    """Log a refusal and return its error, for where no answer can be returned."""
+    """Log a refusal and return its error, if no answer can be returned."""
     log_refusal(scope, status, why)
     return HTTPException(status, why)
 
 
 def refusal(scope: Scope, status: int, why: str) -> Response:
-    """Log a refusal and return its answer, as the JSON API writes errors."""
+    """Log a refusal and return its answer, in the form of the JSON API's errors."""
     log_refusal(scope, status, why)
     headers = {"WWW-Authenticate": "Bearer"} if status == 401 else None
     document = {"error": visible(why), "type": "RefusedError"}
@@ -178,7 +178,7 @@ def refusal(scope: Scope, status: int, why: str) -> Response:
 
 
 def require_all(request: Request) -> None:
-    """Refuse what is about the whole store to a token for some of its knowledge bases."""
+    """Refuse requests about the whole store if the token is for some knowledge bases only."""
     token: Token | None = request.scope.get("token")
     if token is not None and not token.is_for_all:
         why = f"the token is for {', '.join(token.knowledge_bases)} only, and this is about all"
@@ -224,7 +224,7 @@ class Guard:
         await (self._app if response is None else response)(scope, receive, send_guarded)
 
     async def _refuse(self, scope: Scope, receive: Receive) -> Response | None:
-        """Return the answer to a request that does not reach the application."""
+        """Return the answer to a request that must not reach the application."""
         headers = Headers(scope=scope)
         name = _host_name(headers.get("host", ""))
         if not self._is_known(name):
@@ -260,7 +260,7 @@ class Guard:
         return self._token is not None and hmac.compare_digest(given.encode(), self._token)
 
     async def _log_in(self, request: Request) -> Response:
-        """Give the token as a cookie to who knows it."""
+        """Give the token as a cookie to somebody who knows it."""
         body = b""
         async for part in request.stream():
             body += part
@@ -271,7 +271,7 @@ class Guard:
         if not self._is_token(given):
             log_refusal(request.scope, 401, _WRONG)
             return _token_page(target, wrong=True)
-        # Only an address of this server: `//other` and `/\other` would be another one's.
+        # Only an address of this server: `//other` and `/\other` would lead to another one.
         is_own = target.startswith("/") and target[1:2] not in ("/", "\\")
         response = RedirectResponse(target if is_own else "/", 303)
         response.set_cookie(TOKEN_COOKIE, given, httponly=True, samesite="lax", path="/")
@@ -297,14 +297,14 @@ def _host_name(host: str) -> str:
     """Return the name in a `Host` header, without the port."""
     try:
         parts = urlsplit(f"//{quote(host, safe=':[]%.-_')}")
-        # What is not a port would become a part of the address that the application sees.
+        # Text that is not a port would become a part of the address that the application sees.
         return (parts.hostname or "") if parts.port != 0 else ""
     except ValueError:
         return ""
 
 
 def _is_text(query: bytes) -> bool:
-    # What is none would be read as another text: each wrong byte as U+FFFD.
+    # Invalid UTF-8 would be read as another text: each wrong byte as U+FFFD.
     try:
         unquote_to_bytes(query).decode()
     except UnicodeDecodeError:
@@ -321,8 +321,8 @@ def _is_address(name: str) -> bool:
 
 
 def _is_read(scope: Scope, headers: Headers) -> bool:
-    """Return whether a request only reads, and is none that a page hides from its reader."""
-    # A page of somebody else may lead here by a link; it may not ask slow questions as its images.
+    """Return whether a request only reads, and is not one that a foreign page may hide."""
+    # A page of somebody else may link here, but may not ask slow questions as its images.
     if scope["method"] not in ("GET", "HEAD"):
         return False
     return headers.get("sec-fetch-dest", "document") == "document"
@@ -330,7 +330,7 @@ def _is_read(scope: Scope, headers: Headers) -> bool:
 
 def _is_same_site(headers: Headers) -> bool:
     """Return whether a request comes from a page of this server."""
-    # Browsers say where it comes from; other programs do not, and no page can make them ask.
+    # Browsers send the origin; other programs do not, and no page can make them ask.
     origin = headers.get("origin")
     if origin is not None:
         return origin.partition("://")[2].lower() == headers.get("host", "").lower()

@@ -1,4 +1,4 @@
-"""The knowledge bases of one store, opened to read when first asked, and questions on them."""
+"""The knowledge bases of one store, opened for reading on first use, and questions on them."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from .verifying import Verifier
 
 T = TypeVar("T")
 
-# Connections that all questions share; a verification holds one for its whole length.
+# Connections that all questions share; a verification holds one for its whole duration.
 CONNECTIONS = 16
-# Knowledge bases whose definitions are kept for the next question.
+# The maximum number of knowledge bases whose definitions are kept for the next question.
 MOST_OPEN = 256
-# Seconds that the database may take for one statement of a page.
+# The maximum seconds of one statement for a page.
 STATEMENT_SECONDS = 15.0
-# Questions that wait for a thread; a reader who would wait still longer is told so.
+# The maximum number of questions that wait for a thread; readers get an error for more.
 MOST_WAITING = 64
 
 
 class OpenStore:
-    """A store, as the threads of the server share it."""
+    """A store that the threads of the server share."""
 
     def __init__(self, url: str, *, read_only: bool = True) -> None:
         self.url = url
         self._is_read_only = read_only
-        self.folders = Folders(url)  # what is said instead of the server's folders
-        # What verifies its knowledge bases.
+        self.folders = Folders(url)  # replaces the server's folders in messages
+        # Verifies its knowledge bases.
         self.verifier = Verifier(self.knowledge_base, self.folders)
         self._store = self._open()
         self._opened: OrderedDict[str, KnowledgeBase] = OrderedDict()
@@ -50,7 +50,7 @@ class OpenStore:
         return open_store(self.url, connections=CONNECTIONS, read_only=self._is_read_only)
 
     def read_catalog(self, read: Callable[[Catalog], T]) -> T:
-        """Read what knowledge bases there are; of a file that was replaced, the new one."""
+        """Read the list of knowledge bases; from the new file if the file was replaced."""
         store = self._store
         try:
             with self._as_replaced(store):
@@ -59,7 +59,7 @@ class OpenStore:
             return read(self._reopen(store).catalog)
 
     def _reopen(self, replaced: KnowledgeStore) -> KnowledgeStore:
-        """Open the file that is there now, unless another thread has."""
+        """Open the present file, unless another thread has."""
         with self._lock:
             if self._store is replaced:
                 self._store = self._open()
@@ -70,7 +70,7 @@ class OpenStore:
 
     @contextmanager
     def _as_replaced(self, store: KnowledgeStore) -> Iterator[None]:
-        """Raise `StoreReplacedError` where another thread has closed a replaced store."""
+        """Raise `StoreReplacedError` if another thread has closed a replaced store."""
         try:
             yield
         except ClosedError as error:
@@ -80,7 +80,7 @@ class OpenStore:
             raise StoreReplacedError(str(error)) from error
 
     def choose(self, name: str | None) -> str:
-        """Return a name as it is given, or the only one."""
+        """Return the given name, or the only one."""
         if name:
             return name
         names = self.read_catalog(lambda catalog: catalog.first_names(2))
@@ -90,24 +90,24 @@ class OpenStore:
         raise UnknownNameError(f"this store has {many}; choose one with the parameter kb")
 
     def require(self, name: str) -> None:
-        """Raise when there is no knowledge base of a name."""
+        """Raise if there is no knowledge base of a name."""
         if not self.read_catalog(lambda catalog: catalog.has(name)):
             raise UnknownNameError(f"this store has no knowledge base {shown(name)}")
 
     @contextmanager
     def knowledge_base(self, name: str) -> Iterator[KnowledgeBase]:
-        """Lend a knowledge base; it is kept for the next question."""
+        """Lend a knowledge base, and keep it for the next question."""
         store, kb = self._take(name)
         try:
             with self._as_replaced(store):
                 yield kb
         except StoreReplacedError:
-            # The next question opens the file that is there now.
+            # The next question opens the present file.
             self._reopen(store)
             raise
 
     def _take(self, name: str) -> tuple[KnowledgeStore, KnowledgeBase]:
-        # Opening one that does not exist would succeed: the first write creates it.
+        # A missing one would open without an error: its first write creates it.
         if self._is_read_only and name not in self._opened:
             self.require(name)
         with self._lock:
@@ -121,7 +121,7 @@ class OpenStore:
 
     @contextmanager
     def asking(self, limiter: anyio.CapacityLimiter) -> Iterator[Limit]:
-        """Limit the question of a block; cancel it when the store is closed meanwhile."""
+        """Limit the question of a block; cancel it if the store is closed."""
         if limiter.statistics().tasks_waiting >= MOST_WAITING:
             raise StoreBusyError("too many questions are asked at the same time; try again")
         with limited(seconds=STATEMENT_SECONDS) as limit:
@@ -144,7 +144,7 @@ class OpenStore:
 
 
 async def answer(request: Request, work: Callable[[], T]) -> T:
-    """Run a question in a thread; it is cancelled when the reader leaves."""
+    """Run a question in a thread; cancel it if the reader leaves."""
     store: OpenStore = request.app.state.store
     limiter: anyio.CapacityLimiter = request.app.state.limiter
     with store.asking(limiter) as limit:
@@ -158,11 +158,11 @@ async def answer(request: Request, work: Callable[[], T]) -> T:
 
 
 def persistent(work: Callable[[], T]) -> T:
-    """Ask again where another store took the place of this one."""
+    """Ask again if another store has replaced this one."""
     try:
         return work()
     except StoreReplacedError:
-        # This has closed the store: the second time, the file that is there now is opened.
+        # This has closed the store: the second time, the present file is opened.
         return work()
 
 

@@ -1,4 +1,4 @@
-"""Tokens of programs: what each may do, in a file that keeps only their hashes."""
+"""Tokens of programs and their rights, in a file that keeps only their hashes."""
 
 from __future__ import annotations
 
@@ -25,24 +25,24 @@ logger = logging.getLogger("kant_sql.web")
 
 SCOPES = ("read", "write", "apply", "verify")
 ALL = "*"
-# 256 bits: a hash without a salt or a work factor gives nothing to guess.
+# With 256 bits, even a hash without salt and work factor allows no guessing.
 _SECRET_BYTES = 32
-# So many characters of a token are its id, which is no secret; a dot follows.
+# Bytes of a token's id: its first characters, which are no secret; a dot follows.
 _ID_BYTES = 4
 
 
 @dataclass(frozen=True)
 class Token:
-    """What a program may do.
+    """The rights of a program.
 
     Attributes:
-        id: what the log and `revoke` call it; it is the beginning of the token.
-        actor: who writes with it.
-        knowledge_bases: the names of those that it is for; `*` is for all.
+        id: its name in the log and for `revoke`; the beginning of the token.
+        actor: the actor of its writes.
+        knowledge_bases: the names of its knowledge bases; `*` for all.
         scopes: `read`, `write`, `apply`, `verify`.
         sha256: the hash of the whole token.
-        created_at: when it was made.
-        revoked_at: since when it is refused; None if it is not.
+        created_at: when it was created.
+        revoked_at: when it was revoked; None if it is valid.
     """
 
     id: str
@@ -73,11 +73,11 @@ class TokenFile:
         self._tokens: dict[str, Token] = {}
 
     def tokens(self) -> list[Token]:
-        """Return all tokens, also those that were revoked, the oldest first.
+        """Return all tokens, including revoked ones, the oldest first.
 
         Raises:
-            InvalidArgumentError: the file is not one of tokens.
-            OSError: it cannot be read.
+            InvalidArgumentError: the file is not a file of tokens.
+            OSError: the file cannot be read.
         """
         return [*self._by_id().values()]
 
@@ -91,24 +91,24 @@ class TokenFile:
             return self._tokens
 
     def find(self, given: str) -> Token | None:
-        """Return the token that a request gives; None if it is unknown or was revoked.
+        """Return the token of a request; None if it is unknown or revoked.
 
-        A file that cannot be read knows no token.
+        If the file cannot be read, no token is known.
         """
         token = self.made(given)
-        # An empty name, which older releases accepted, is none to judge by.
+        # Older releases accepted an empty name, which gives no rights to check.
         if token is None or token.revoked_at is not None or not all(token.knowledge_bases):
             return None
         return token
 
     def made(self, given: str) -> Token | None:
-        """Return the token that a request gives, also one that was revoked."""
+        """Return the token of a request, even a revoked one."""
         token = self._known().get(given.partition(".")[0])
         expected = "" if token is None else token.sha256
         return token if hmac.compare_digest(_hash(given), expected) else None
 
     def has(self, token: Token) -> bool:
-        """Return whether a token that was found before still has its rights."""
+        """Return whether a token still has the rights that it had."""
         return self._known().get(token.id) == token
 
     def _known(self) -> dict[str, Token]:
@@ -119,15 +119,15 @@ class TokenFile:
             return {}
 
     def add(self, actor: str, knowledge_bases: Iterable[str], scopes: Iterable[str]) -> str:
-        """Make a token.
+        """Create a token.
 
         Args:
-            actor: who writes with it.
-            knowledge_bases: the names of those that it is for; `*` is for all.
+            actor: the actor of its writes.
+            knowledge_bases: the names of its knowledge bases; `*` for all.
             scopes: `read`, `write`, `apply`, `verify`.
 
         Returns:
-            The token, which nothing else shows again.
+            The token, which is never shown again.
 
         Raises:
             InvalidArgumentError: there is no such scope, none is given, or a name is empty.
@@ -148,10 +148,10 @@ class TokenFile:
         return secret
 
     def revoke(self, id: str) -> Token:
-        """Refuse a token from now on; servers that run read it at the next request.
+        """Revoke a token from now on; running servers see this at the next request.
 
         Raises:
-            UnknownNameError: there is no token of this id.
+            UnknownNameError: there is no token with this id.
         """
         with self._changing() as folder:
             tokens = self.tokens()
@@ -167,7 +167,7 @@ class TokenFile:
 
     @contextmanager
     def _changing(self) -> Iterator[int]:
-        """Let one process at a time change the file: none undoes what another revokes."""
+        """Let one process at a time change the file, so none undoes another's revocation."""
         folder = os.open(self._path.resolve().parent, os.O_RDONLY)
         try:
             fcntl.flock(folder, fcntl.LOCK_EX)
@@ -176,8 +176,8 @@ class TokenFile:
             os.close(folder)
 
     def _write(self, folder: int, tokens: Iterable[Token]) -> None:
-        """Write the file in one step; a new one is for its owner alone."""
-        # A link stays one: servers may know the file by its other name.
+        """Write the file in one step; only the owner may read a new one."""
+        # A link stays a link: servers may know the file by its other name.
         path = self._path.resolve()
         beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
         text = json.dumps({"tokens": [asdict(one) for one in tokens]}, indent=2)
@@ -189,14 +189,14 @@ class TokenFile:
                 file.flush()
                 os.fsync(file.fileno())
             beside.replace(path)
-            # Otherwise a power cut can bring a revoked token back.
+            # Without this, a power cut can bring a revoked token back.
             os.fsync(folder)
         finally:
             beside.unlink(missing_ok=True)
 
 
 def _share_alike(path: Path, made: int) -> None:
-    """Give a new file the owner, group and mode of the one it replaces: a server may read that."""
+    """Give a new file the owner, group and mode of the replaced one, which a server may read."""
     before, now = path.stat(), os.fstat(made)
     try:
         if (before.st_uid, before.st_gid) != (now.st_uid, now.st_gid):
@@ -233,7 +233,7 @@ def _token(written: dict[str, object]) -> Token:
 
 
 def _list(value: object) -> list[object]:
-    # A text would be a list of letters, one of which may be `*`.
+    # A text would count as a list of letters, one of which may be `*`.
     if not isinstance(value, list):
         raise TypeError(f"{shown(value)} is not a list")
     return value

@@ -1,4 +1,4 @@
-"""Transactions of clients, which take several requests: each runs in a thread of its own."""
+"""Transactions of clients, over several requests: each runs in its own thread."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ Step = Literal["begin", "call", "commit", "rollback"]
 Work = Callable[[KnowledgeBase], Any]
 Lend = Callable[[], AbstractContextManager[KnowledgeBase]]
 
-# Seconds that a transaction waits for its next request: other writers wait for it meanwhile.
+# Seconds that a transaction waits for its next request: other writers wait for it.
 IDLE = 10.0
-# Each has a thread, a connection and, on SQLite, the whole store.
+# Each has a thread, a connection and, on SQLite, the lock of the whole store.
 MOST_OPEN = 4
-# Seconds for which the last answer of one that has ended can be repeated.
+# Seconds for which the last answer of an ended transaction can be repeated.
 KEPT = 30.0
 GONE = (
     f"this transaction was rolled back: its client did not call for {IDLE:g} s, or the server was "
@@ -33,11 +33,11 @@ GONE = (
 
 
 class _RolledBack(BaseException):
-    """The client left a block by an error."""
+    """An error of the client ends a block."""
 
 
 class _Left(BaseException):
-    """The client calls no more, or the server ends."""
+    """The client makes no more calls, or the server ends."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class _Request:
 
 
 class OpenTransaction:
-    """A transaction of a client. The event loop asks, and its thread answers."""
+    """A transaction of a client. The event loop sends requests, and its thread answers."""
 
     def __init__(self, lend: Lend) -> None:
         self.ended_at: float | None = None
@@ -60,8 +60,8 @@ class OpenTransaction:
         self._thread.start()
 
     def ask(self, number: int, step: Step, work: Work) -> Future[Any]:
-        """Take a request; find the answer to one that is repeated."""
-        # Of a call, `work` gives the result; of a `begin`, it opens the block.
+        """Take a request; find the answer to a repeated one."""
+        # For a call, `work` returns the result; for a `begin`, it opens the block.
         with self._guard:
             if number != self._last:
                 if self.ended_at is not None or number < self._last:
@@ -120,7 +120,7 @@ class OpenTransaction:
         """Run the calls of a block; return the request that ends it."""
         while (request := self._next()).step in ("begin", "call"):
             if request.step == "begin":
-                # The client has its error, and decides what becomes of the outer block.
+                # The client has its error, and decides about the outer block.
                 with suppress(Exception):
                     self._block(kb, request)
                 continue
@@ -132,7 +132,7 @@ class OpenTransaction:
 
 
 class Transactions:
-    """The transactions of clients that are open, and those that have ended lately."""
+    """The open transactions of clients, and those that have recently ended."""
 
     def __init__(self) -> None:
         self._kept: dict[Hashable, OpenTransaction] = {}
@@ -140,7 +140,7 @@ class Transactions:
     def ask(
         self, key: Hashable, number: int, step: Step, lend: Lend, work: Work
     ) -> Future[Any] | None:
-        """Send a request to its transaction; None if there is none, and this does not begin it."""
+        """Send a request to its transaction; None without one, if this does not begin it."""
         found = self._kept.get(key)
         if found is None and step == "begin" and number == 1:
             found = self._kept[key] = self._open(lend)
@@ -157,6 +157,6 @@ class Transactions:
         return OpenTransaction(lend)
 
     def close(self) -> None:
-        """Roll back what is open."""
+        """Roll back open transactions."""
         for one in self._kept.values():
             one.close()

@@ -1,4 +1,4 @@
-"""Verifications that readers start: in the background, one at a time for each knowledge base."""
+"""Verifications started by readers: in the background, one at a time per knowledge base."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from .rendering import Folders
 
 logger = logging.getLogger("kant_sql.web")
 
-# Verifications that run at the same time, and whose results are kept.
+# The maximum numbers of running verifications, and of kept results.
 MOST_RUNS, MOST_KEPT = 2, 1_000
-# Verifications that wait for their turn, each with its anchor, and those that run.
+# The maximum number of running and waiting verifications, each with its anchor.
 MOST_STARTED = 50
 
 
@@ -56,7 +56,7 @@ class VerificationState(NamedTuple):
 
 
 class _Run:
-    """A verification, from its start on."""
+    """A running verification."""
 
     def __init__(self, name: str, anchor: Anchor | None) -> None:
         self.name = name
@@ -67,7 +67,7 @@ class _Run:
         self.limit = Limit()
 
     def tell(self, done: int, total: int) -> None:
-        """Note the progress; raise if it was cancelled."""
+        """Record the progress; raise if it was cancelled."""
         self.limit.check()
         self.done, self.total = done, total
 
@@ -86,14 +86,14 @@ class Verifier:
         self._last: OrderedDict[str, VerificationOutcome] = OrderedDict()
 
     def state(self, name: str) -> VerificationState:
-        """Return what is known of a knowledge base."""
+        """Return the state of the verifications of a knowledge base."""
         with self._lock:
             run, last = self._running.get(name), self._last.get(name)
         running = None if run is None else VerificationRun(run.started_at, run.done, run.total)
         return VerificationState(name, running, last)
 
     def start(self, name: str, anchor: Anchor | None = None) -> None:
-        """Start a verification; without an anchor, one that runs already is as good."""
+        """Start a verification; without an anchor, a running one is as good."""
         with self._lock:
             running = self._running.get(name)
             if running is None:
@@ -110,7 +110,7 @@ class Verifier:
                 )
 
     def cancel(self, name: str) -> None:
-        """Cancel the verification that runs, if any."""
+        """Cancel the running verification, if any."""
         with self._lock:
             run = self._running.get(name)
         if run is not None:

@@ -35,21 +35,21 @@ from .tokens import Token
 F = TypeVar("F", bound=Callable[..., Any])
 T = TypeVar("T")
 
-# Writers at the same time, and those that wait for a thread; one more is refused.
+# The maximum numbers of parallel writers, and of those that wait for a thread; others are refused.
 MOST_WRITERS, MOST_WAITING = 8, 64
-# How long a request can be repeated, and how often a server looks for older ones, in seconds.
+# How long a request can be repeated, and seconds between removals of older requests.
 KEPT, LOOK = timedelta(days=7), 3600.0
 _REUSED = "this Idempotency-Key was used for another request; choose one at random for each write"
-# Revisions that the answer to a stale `If-Match` lists.
+# The maximum number of revisions in the answer to a stale `If-Match`.
 MOST_SINCE = 50
 _NUMBER = re.compile(r"[-+]?[0-9]+(?:[.][0-9]+)?")
 _REVISION = re.compile(r'(?:W/)?"?([0-9]{1,18})"?')
 
-# What a call of a DAO returns: a truth, how many changes, or a number.
+# The result of a DAO's method: a truth value, the number of changes, or a number.
 Result: TypeAlias = bool | int | Decimal | str | None
 Text = Annotated[str, Field(max_length=LONGEST_BODY)]
 Texts = Annotated[tuple[Text, ...], Field(max_length=MOST_CHANGES)]
-# A truth is no number, as for the DAOs.
+# As for the DAOs, a truth value is not a number.
 Number = StrictInt | StrictFloat | Text
 if TYPE_CHECKING:
     Kind = str
@@ -150,15 +150,15 @@ class _Said(BaseModel):
     ] = None
 
 
-# The requests that write, and the scope that each path needs.
+# The requests that write, and the scope that each path requires.
 write_routes = APIRouter(prefix="/api", tags=["writing"])
 PATH_SCOPES: dict[str, str] = {}
 
 
 def post(path: str, scope: str, did: str | None = None) -> Callable[[F], F]:
     """Register a function that writes: its keywords are the fields of the body."""
-    # It runs in a transaction, which is one revision. It returns what its changes returned, and
-    # warnings. `did` begins the reason, where none is given.
+    # It runs in a transaction, which is one revision. It returns the results of its changes, and
+    # warnings. `did` begins the reason, if none is given.
 
     def register(function: F) -> F:
         description, texts = texts_of(function, "Args")
@@ -240,7 +240,7 @@ def _endpoint(function: Callable[..., Any], body: type[_Said], did: str | None) 
 
 
 def _forget_old(looked: dict[str, float], kb: KnowledgeBase) -> None:
-    """Remove old requests now and then, where the server's role may."""
+    """Remove old requests from time to time, if the server's role may."""
     store, now = state_of(kb).store, time.monotonic()
     if now >= looked.get(store.name, 0) + LOOK:
         looked[store.name] = now
@@ -266,7 +266,7 @@ async def _run(request: Request, work: Callable[[], T]) -> T:
 
 
 class RequestKey(NamedTuple):
-    """The key of a request, and its digest: neither shows what the request says."""
+    """The key of a request, and its digest: neither reveals the request."""
 
     key: str
     digest: str
@@ -274,7 +274,7 @@ class RequestKey(NamedTuple):
     @classmethod
     def of(cls, token: str, given: str, request: bytes) -> RequestKey:
         """Make the key of a request from the token's id, the client's key and its bytes."""
-        # The digest has the client's key, which is not kept: without it, nobody can try requests.
+        # The digest includes the client's key, which is not kept, so nobody can test guesses.
         parts = f"{token}\n{given}".encode(), given.encode() + b"\n" + request
         return cls(*(hashlib.sha256(part).hexdigest() for part in parts))
 
@@ -286,7 +286,7 @@ def write(
     expected: int | None = None,
     key: RequestKey | None = None,
 ) -> tuple[WriteAnswer, int]:
-    """Write in one revision; return what was written, and the last revision."""
+    """Write in one revision; return the answer and the last revision."""
     with kb.transaction(**said):
         transaction = open_transaction(kb)
         before = None if key is None else find_request(transaction, key.key)
@@ -294,7 +294,7 @@ def write(
             if before.digest != key.digest:
                 raise HTTPException(422, _REUSED)
             return WriteAnswer(before.number, (*before.results,), is_repeated=True), before.number
-        # A repetition is no stale writer: its own revision may be what came since.
+        # A repetition is not stale: the newer revision may be its own.
         with kb.transaction(expected_revision=expected):
             found = work(kb)
         results, warnings = found if isinstance(found, tuple) else (found, ())

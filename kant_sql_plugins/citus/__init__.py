@@ -9,7 +9,7 @@ from kant_sql.later import asked_for
 if TYPE_CHECKING:
     from .distribution import Distribution, distribute
 else:
-    # On first need: the help of `kant-sql db` starts without SQLAlchemy.
+    # On first use: the help of `kant-sql db` starts without SQLAlchemy.
     __getattr__ = asked_for(__name__, {".distribution": ("Distribution", "distribute")})
 
 __all__ = ["Distribution", "distribute"]

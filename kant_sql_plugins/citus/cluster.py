@@ -25,12 +25,12 @@ from kant_sql.sql.query import text_literal
 from kant_sql.sql.tables import Base
 from kant_sql.sql.tables.base import VERSION_TABLE
 
-# Each node has these whole, so what refers to them does not leave its shard.
+# Each node has a full copy of these, so references to them stay in the shard.
 REFERENCE_TABLES = ("knowledge_base", VERSION_TABLE)
 # The table that the others are colocated with.
 FIRST = "head"
 KEY = "kb_id"
-# Statements of a transaction use one connection to each node: it sees what earlier ones changed.
+# The statements of a transaction use one connection to each node: it sees earlier changes.
 SEQUENTIAL = "SET LOCAL citus.multi_shard_modify_mode = 'sequential'"
 
 _IS_DISTRIBUTED = text(
@@ -48,9 +48,9 @@ _TABLES = text(
 
 
 class Layout(NamedTuple):
-    """Where the tables are: on the coordinator alone, on each node, in shards as `head`, or else.
+    """The places of tables: only on the coordinator, on each node, in shards as `head`, or other.
 
-    `shards` is how many `head` has; 0 where it is not distributed.
+    `shards` is the number of `head`'s shards; 0 if it is not distributed.
     """
 
     local: frozenset[str]
@@ -61,28 +61,28 @@ class Layout(NamedTuple):
 
     @property
     def is_distributed(self) -> bool:
-        """Whether some table is."""
+        """Whether any table is distributed."""
         return bool(self.reference or self.colocated or self.others)
 
     @property
     def misplaced(self) -> frozenset[str]:
-        """The tables that are distributed in another way than a distributed store has them."""
+        """The tables that a distributed store distributes in another way."""
         whole = frozenset(REFERENCE_TABLES)
         return self.others | (self.reference - whole) | (self.colocated & whole)
 
 
 class CitusNodes(NamedTuple):
-    """The settings of a connection to a node of a cluster that the other nodes need, too.
+    """The settings of a connection to a node that the other nodes need, too.
 
-    `SET LOCAL` is sent to another node with the statement that begins its transaction there. None
-    stands for the servers' own setting of what a commit waits for.
+    `SET LOCAL` goes to another node with the statement that begins its transaction there. None
+    means the servers' own setting of `synchronous_commit`.
     """
 
     search_path: str
     synchronous_commit: str | None
 
     def settings(self, *, is_durable: bool = False) -> dict[str, str]:
-        """Return what a transaction that writes sets: what follows it is sent to other nodes."""
+        """Return the settings of a transaction that writes; later settings go to other nodes."""
         settings = {"citus.propagate_set_commands": "local"}
         commit = self.synchronous_commit
         if is_durable and commit in (None, "off"):
@@ -92,24 +92,24 @@ class CitusNodes(NamedTuple):
         return settings
 
     def replanning(self, is_other: bool) -> str:
-        """Write the statement after which a node makes its plans again.
+        """Write the statement after which a node replans.
 
         None discards another node's plans. A cached plan is made again under another search path:
-        a schema at its end, in which nothing is looked up, makes it another.
+        at the end, where no lookup gets to, makes it another path.
         """
         schemas = f"{self.search_path}, information_schema" if is_other else self.search_path
         return f"SET LOCAL search_path = {schemas}"
 
     def committing(self, synchronous_commit: str) -> CitusNodes:
-        """Return these with another setting of what a commit waits for."""
+        """Return these settings with another `synchronous_commit`."""
         return self._replace(synchronous_commit=synchronous_commit)
 
     def whole_index(self, name: str) -> str:
-        """Return the name of the index that an index of a shard belongs to."""
+        """Return the name of the whole index of a shard's index."""
         return _OF_SHARD.sub("", name)
 
 
-# What Citus adds to the name of each part of an index.
+# The suffix that Citus adds to the name of each part of an index.
 _OF_SHARD = re.compile(r"_\d{6,}$")
 _NODE_SETTINGS = (
     "SELECT current_setting('search_path'), (SELECT setting FROM pg_settings "
@@ -118,8 +118,8 @@ _NODE_SETTINGS = (
 )
 
 
-# How a coordinator tells of a node that it has lost when it has no state for it: in words of its
-# own, or in those of its driver.
+# A coordinator without a state for a lost node reports it with these words, its own or those of
+# its driver.
 _LOST_NODE = re.compile(
     "failure on connection marked as essential|server closed the connection unexpectedly"
     "|connection not open|no connection to the server|could not (receive|send) data"
@@ -127,17 +127,17 @@ _LOST_NODE = re.compile(
 
 
 def has_lost_a_node(state: str, message: str) -> bool:
-    """Return whether an internal error is that of a connection to another node."""
+    """Return whether an internal error means a lost connection to another node."""
     return state == "XX000" and _LOST_NODE.search(message) is not None
 
 
 def nodes(connection: Any) -> CitusNodes:
-    """Read what the other nodes need of a new connection of the driver."""
+    """Read the settings that the other nodes need, from a new connection of the driver."""
     return CitusNodes(*connection.execute(_NODE_SETTINGS).fetchone())
 
 
 def own_tables() -> list[str]:
-    """Name the tables of the newest version, those first that others refer to."""
+    """List the tables of the newest version, referenced ones first."""
     return [VERSION_TABLE, *(table.name for table in Base.metadata.sorted_tables)]
 
 
@@ -147,12 +147,12 @@ def is_distributed(connection: Connection, schema: str) -> bool:
 
 
 def use_one_connection(connection: Connection) -> None:
-    """Let a transaction of schema changes use one connection to each node."""
+    """Make a transaction of schema changes use one connection to each node."""
     connection.exec_driver_sql(SEQUENTIAL)
 
 
 def read_layout(connection: Connection, schema: str) -> Layout:
-    """Read where the tables are."""
+    """Read the places of the tables."""
     rows = connection.execute(_TABLES, {"schema": schema, "names": own_tables()}).all()
     places = {name: (method, colocation) for name, method, colocation, _ in rows}
     first = places.get(FIRST, (None, None))
@@ -169,13 +169,13 @@ def _kind(place: tuple[str | None, int | None], first: tuple[str | None, int | N
     if method is None:
         return "local"
     if method == "n":
-        # A table that Citus knows and that is on the coordinator alone has no colocation.
+        # Citus knows tables only on the coordinator without a colocation.
         return "reference" if colocation else "other"
     return "colocated" if place == first and method == "h" else "other"
 
 
 def distribution_of(names: Qualifier, table: str, shards: int | None = None) -> str:
-    """Write the statement that distributes a table; `shards` is for the first of them."""
+    """Write the statement that distributes a table; `shards` is for the first one."""
     if table in REFERENCE_TABLES:
         return f"SELECT create_reference_table({text_literal(names.relation(table))})"
     how = f"colocate_with => {text_literal(names.relation(FIRST))}"
@@ -186,7 +186,7 @@ def distribution_of(names: Qualifier, table: str, shards: int | None = None) -> 
 
 
 def of_one_shard(query: str, schema: str, kb_id: int) -> str:
-    """Restrict each table of a view's query to one knowledge base, whose shard then answers it.
+    """Restrict each table of a view's query to one knowledge base, so its shard answers it.
 
     Within a subquery, Citus does not conclude from `x.kb_id = y.kb_id` which shard it needs.
     """
@@ -202,7 +202,7 @@ def of_one_shard(query: str, schema: str, kb_id: int) -> str:
 
 
 def _table_in(schema: str) -> re.Pattern[str]:
-    """Find tables where a query reads them, each with its alias."""
+    """Return the pattern of tables in a query, each with its alias."""
     tables = "|".join(sorted(Base.metadata.tables, key=len, reverse=True))
     qualified = rf'(?:"?{re.escape(schema)}"?\.)?'
     alias = r"(?: (?:AS )?(?!(?:ON|WHERE|JOIN|LEFT|CROSS|GROUP|ORDER|LIMIT|UNION)\b)(\w+))?"
@@ -210,7 +210,7 @@ def _table_in(schema: str) -> re.Pattern[str]:
 
 
 def fault(connection: Connection, label: str) -> str | None:
-    """Say what is wrong with a store of which some tables are distributed; None for nothing."""
+    """Return the fault of a store with some distributed tables; None if it has none."""
     layout = read_layout(connection, Qualifier.of(connection).schema)
     command = f"kant-sql db distribute '{label}'"
     if layout.misplaced:
@@ -228,10 +228,10 @@ def fault(connection: Connection, label: str) -> str | None:
 
 @contextmanager
 def migrating(connection: Connection, label: str) -> Iterator[None]:
-    """Let migrations that know nothing of distribution change a distributed store.
+    """Let migrations that do not know about distribution change a distributed store.
 
-    A new table is created without foreign keys, distributed as the others are, and then given
-    them.
+    A new table is created without foreign keys, distributed like the others, and then gets its
+    keys.
     """
     names = Qualifier.of(connection)
     if not is_distributed(connection, names.schema):

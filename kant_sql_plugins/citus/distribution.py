@@ -52,7 +52,7 @@ _COMMENTS = text(
     "AND n.nspname = :schema AND c.relname = ANY(:names) "
     'ORDER BY c.relname COLLATE "C", d.objsubid'
 )
-# A list of words, which the server writes in another way when it reads its own text again.
+# A list of words: the server rewrites it when it reads its own text again.
 _LISTS = text(
     "SELECT c.relname, k.conname FROM pg_constraint AS k JOIN pg_class AS c ON c.oid = k.conrelid "
     "JOIN pg_namespace AS n ON n.oid = c.relnamespace WHERE k.contype = 'c' "
@@ -60,7 +60,7 @@ _LISTS = text(
     "AND strpos(pg_get_constraintdef(k.oid), 'ARRAY[') > 0 "
     'ORDER BY c.relname COLLATE "C", k.conname COLLATE "C"'
 )
-# Rights on views, which are dropped: the owner has his own anyway.
+# Rights on the dropped views, except those of the owner, which the views have anyway.
 _GRANTS = text(
     "SELECT c.relname, a.privilege_type, a.is_grantable, CASE a.grantee WHEN 0 THEN 'PUBLIC' "
     "ELSE quote_ident(pg_get_userbyid(a.grantee)) END FROM pg_class AS c "
@@ -73,7 +73,7 @@ _OWNERS = text(
     "JOIN pg_namespace AS n ON n.oid = c.relnamespace WHERE c.relowner <> current_user::regrole "
     "AND n.nspname = :schema AND c.relkind = 'r' AND c.relname = ANY(:names) ORDER BY 1"
 )
-# What is not the library's, and what Citus cannot distribute or bring back with it.
+# Objects that are not the library's, and that Citus cannot distribute or bring back.
 _IN_THE_WAY = text(
     "WITH own AS (SELECT c.oid, c.relname FROM pg_class AS c "
     "JOIN pg_namespace AS n ON n.oid = c.relnamespace WHERE n.nspname = :schema "
@@ -228,7 +228,7 @@ def _run(
 
 
 def _view_queries(url: str) -> dict[str, str]:
-    """Return the views that the migrations create, in order, each with its query."""
+    """Return the views of the migrations, in order, each with its query."""
     out = io.StringIO()
     upgrade_sql(url, out)
     found: dict[str, str] = {}
@@ -241,7 +241,7 @@ def _view_queries(url: str) -> dict[str, str]:
 
 
 def _around(connection: Connection, has_writers: bool) -> tuple[list[str], list[str]]:
-    """Write what drops policies and auditors' own views, and what creates them again."""
+    """Write the statements that drop policies and auditors' own views, and that recreate them."""
     maker = RoleMaker(connection, has_writers=has_writers)
     scopes = maker.scopes() if maker.in_force else []
     withdrawn = [*maker.withdraw()]
@@ -305,7 +305,7 @@ class Distributor:
             )
 
     def _check_cluster(self) -> None:
-        """Check that this is the coordinator of a cluster that works."""
+        """Check that this is the coordinator of a working cluster."""
         coordinator = next((node.address for node in self.nodes if node.group == 0), None)
         if self._connection.scalar(_GROUP) != 0:
             raise self._refused(
@@ -345,7 +345,7 @@ class Distributor:
             )
 
     def _check_tables(self, tables: Sequence[str]) -> None:
-        """Check that nothing of others is in the way."""
+        """Check that no foreign objects are in the way."""
         owners = [row[0] for row in self._connection.execute(_OWNERS, self._named)]
         if owners:
             raise self._refused("the tables are not yours", f"connect as {' and '.join(owners)}")
@@ -373,12 +373,12 @@ class Distributor:
         for table in due:
             yield distribution_of(self._names, table, shards)
         for table in due:
-            # The rows are in the shards now, and on the coordinator out of sight.
+            # The rows are in the shards now; on the coordinator, they are hidden.
             yield f"SELECT truncate_local_data_after_distributing_table({self._literal(table)})"
         yield from self._add_foreign_keys(due)
 
     def _reunion(self, due: Sequence[str]) -> Iterator[str]:
-        """Yield the statements that make of shards the tables that migrations make."""
+        """Yield the statements that turn shards into the tables of the migrations."""
         views = ", ".join(map(self._names.relation, self._views))
         grants = self._connection.execute(_GRANTS, {**self._named, "names": [*self._views]}).all()
         yield from (SEQUENTIAL, _QUIET, f"DROP VIEW {views}")
@@ -439,6 +439,6 @@ class Distributor:
 
 
 def _in_order() -> list[str]:
-    """Name all tables in the order in which they are distributed."""
+    """List all tables in the order of distribution."""
     first = (*REFERENCE_TABLES, FIRST)
     return [*first, *(table for table in own_tables() if table not in first)]

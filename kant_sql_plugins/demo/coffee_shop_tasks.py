@@ -185,7 +185,7 @@ def serve_orders(robot: Robot) -> None:
 
 
 def pick_up(robot: Robot, item: PddlObjectDto, place: PddlObjectDto) -> None:
-    """Take an item that is ready."""
+    """Take a ready item."""
     replace(
         robot.executive,
         f"{item.name} picked up",
@@ -195,7 +195,7 @@ def pick_up(robot: Robot, item: PddlObjectDto, place: PddlObjectDto) -> None:
 
 
 def hand_over(robot: Robot, item: PddlObjectDto, order: PddlObjectDto) -> None:
-    """Give an item to those who ordered it."""
+    """Give an item to the guests who ordered it."""
     replace(
         robot.executive,
         f"{item.name} handed over",

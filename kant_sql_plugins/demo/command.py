@@ -61,7 +61,7 @@ def demo(
 
 @contextmanager
 def _kept_or_temporary(store: str | None, name: str) -> Iterator[str]:
-    """Yield the URL that was given, or of a file in a folder that is removed afterwards."""
+    """Yield the given URL, or that of a file in a folder that is removed afterwards."""
     if store is not None:
         yield store
         return
@@ -91,6 +91,6 @@ def _serve(world: World, url: str, port: int, *, has_browser: bool, is_kept: boo
     )
     sys.stdout.flush()
     if has_browser:
-        # In a thread: a browser of the terminal returns when its reader leaves.
+        # In a thread: a terminal browser returns only when its reader leaves.
         Thread(target=webbrowser.open, args=(page,), daemon=True).start()
     server.run(sockets=[listening])

@@ -75,7 +75,7 @@ def fill(connect: Connect) -> None:
 
 
 def round_of(executive: KnowledgeBase, medicine: str, patient: str, room: str) -> None:
-    """Bring a medicine to where a patient lies, as far as the robot knows."""
+    """Bring a medicine to a patient, as far as the robot knows where that is."""
     with executive.transaction(reason=f"{medicine} for {patient}"):
         executive.apply(f"(fetch rb1 {medicine})")
     executive.apply(f"(move rb1 pharmacy {room})")

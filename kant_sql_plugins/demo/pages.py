@@ -19,7 +19,7 @@ _templates.loader = ChoiceLoader([_templates.loader, PackageLoader(__package__)]
 
 
 class GuideStep(NamedTuple):
-    """A question, the page that answers it and its address, and the same at a prompt, in Python."""
+    """A question, the page with its answer and address, and the same at a prompt and in Python."""
 
     title: str
     text: str
@@ -30,7 +30,7 @@ class GuideStep(NamedTuple):
 
 
 class Guide(NamedTuple):
-    """The guided page of a world: what happened, and the steps."""
+    """The guided page of a world: the story, and the steps."""
 
     name: str
     about: str

@@ -17,9 +17,9 @@ class Step(NamedTuple):
     Attributes:
         title: the question.
         text: the answer, and why it is interesting.
-        path: the page that has the answer.
+        path: the page with the answer.
         query: the parameters of the page, without the knowledge base.
-        command: the words behind `kant-sql`.
+        command: the words after `kant-sql`.
         python: an expression of the knowledge base `kb`.
     """
 
@@ -35,11 +35,11 @@ class World(NamedTuple):
     """A world of a demo.
 
     Attributes:
-        name: its name, which is that of its knowledge base.
-        line: what it shows, in a line.
-        about: what happened in it.
+        name: its name, also the name of its knowledge base.
+        line: its subject, in one line.
+        about: its story.
         fill: writes its story to an empty knowledge base.
-        steps: makes the steps of its page, with the times of the story as it was written.
+        steps: makes the steps of its page, with the times of the written story.
     """
 
     name: str

@@ -33,7 +33,7 @@ PROBLEM = """
 
 
 class Door(NamedTuple):
-    """How long a door takes, how often it opens, and how long the robot waits if it does not."""
+    """A door: seconds to pass, how often it opens, and how long the robot waits if it does not."""
 
     seconds: float
     opens: float
@@ -47,12 +47,12 @@ DOORS = {
     "arch": Door(9, 1),
     "side": Door(15, 0.97),
 }
-# How often the robot tries a door before it gives up.
+# Attempts to open a door before the robot gives up.
 TRIES = 2
 
 
 class Building:
-    """Robots among its doors, one at a time, and the time."""
+    """The robots among its doors, one at a time, and the time."""
 
     def __init__(self, kb: KnowledgeBase, begin: datetime) -> None:
         self._kb, self._dice, self.now = kb, random.Random(7), begin
@@ -67,7 +67,7 @@ class Building:
         return done
 
     def _pass(self, step: PlanStep, robot: str) -> bool:
-        """Try a door, and record what became of it."""
+        """Try a door, and record the outcome."""
         name, start, end = step.arguments
         door, began = DOORS[name], self.now
         opens = self._dice.random() < door.opens
@@ -89,7 +89,7 @@ class Building:
 
 
 def way(*doors: str) -> Plan:
-    """Make a plan that goes through doors, from the dock to the store."""
+    """Make a plan through some doors, from the dock to the store."""
     rooms = {"front": "hall", "gate": "yard", "arch": "garden"}
     here, steps = "dock", []
     for door in doors:

@@ -1,1 +1,1 @@
-"""The Model Context Protocol: questions as tools of programs that are built on language models."""
+"""The Model Context Protocol: questions as tools for programs with language models."""

@@ -14,7 +14,7 @@ MISSING = "this needs the SDK of the Model Context Protocol; run: pip install 'k
 
 
 class _Command(TyperCommand):
-    """Its `--write` alone means `--write checked`: Typer has no option with a word or without."""
+    """Reads `--write` alone as `--write checked`: Typer has no option with an optional word."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the words of the command line."""

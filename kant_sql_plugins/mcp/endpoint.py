@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Endpoint:
-    """Answers requests of the protocol, each on its own: there are no sessions."""
+    """Answers each request of the protocol on its own: there are no sessions."""
 
     def __init__(self, store: OpenStore) -> None:
         self._store = store
@@ -37,10 +37,10 @@ class Endpoint:
             self._tasks.cancel_scope.cancel()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request; the guard of the server has admitted it."""
+        """Answer a request that the guard of the server has admitted."""
         token = scope.get("token")
         if token is not None and not token.is_for_all:
-            # The body names the knowledge base, which the guard does not read.
+            # The body names the knowledge base, and the guard does not read the body.
             why = "the token is for some knowledge bases only; this needs one for all of them"
             await refusal(scope, 403, why)(scope, receive, send)
             return
@@ -49,7 +49,7 @@ class Endpoint:
         except ImportError:
             await refusal(scope, 501, MISSING)(scope, receive, send)
             return
-        # Who leaves in the middle of a request gets no answer.
+        # A client that leaves during a request gets no answer.
         with suppress(ClientDisconnect):
             await manager.handle_request(scope, receive, send)
 
@@ -72,7 +72,7 @@ class Endpoint:
         from .server import make_server
 
         server = make_server(self._store)
-        # The guard knows the names of the server.
+        # The guard checks the host names.
         names = TransportSecuritySettings(enable_dns_rebinding_protection=False)
         server.streamable_http_app(stateless_http=True, transport_security=names)
         return server.session_manager

@@ -1,4 +1,4 @@
-"""Questions that are no pages: each a function of a knowledge base, whose answers are bounded."""
+"""Questions without pages: each a function of a knowledge base, with bounded answers."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from kant_sql.web.registry import (
 )
 from kant_sql.web.report import Sections
 
-# Elements of each kind, links of causes, steps of a page, and seconds that a planner may take.
+# The maximum elements of each kind, links of causes, steps of a page, and seconds of a planner.
 MOST_ELEMENTS, MOST_LINKS, MOST_STEPS, MOST_SECONDS = 200, 100, 200, 120
 
 Elements = Annotated[

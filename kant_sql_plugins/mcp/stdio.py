@@ -22,12 +22,12 @@ def serve(
 
     Args:
         url: the database URL.
-        target: what may be written to; None for a server that only reads.
+        target: where to write; None for a server that only reads.
         name: with `checked`, the knowledge base to write to; None for the only one.
-        actor: who writes.
+        actor: the actor of the writes.
 
     Raises:
-        ReadOnlyError: the knowledge base keeps no rule that refuses.
+        ReadOnlyError: the knowledge base has no kept rule that refuses.
         KantSqlError: the store cannot be opened.
     """
     with ExitStack() as opened:

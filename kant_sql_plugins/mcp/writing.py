@@ -56,7 +56,7 @@ class BegunBranch(NamedTuple):
 
 
 class Writing(Asking):
-    """Writes to what an actor may write to, and to nothing else."""
+    """Writes only where the actor may write."""
 
     def __init__(self, store: OpenStore, target: Target, name: str | None, actor: str) -> None:
         super().__init__(store)
@@ -68,13 +68,13 @@ class Writing(Asking):
             self.of_kb(None, lambda kb: None)
 
     async def answer(self, work: Callable[[], T]) -> T:
-        """Write; what has begun is not given up."""
+        """Write; a begun write is not cancelled."""
         return await anyio.to_thread.run_sync(work, limiter=self._limiter)
 
     def of_kb(self, name: str | None, question: Callable[[KnowledgeBase], T]) -> T:
-        """Write to a knowledge base, if this may."""
+        """Write to a knowledge base, if the actor may."""
         chosen = self.store.choose(name or self._name)
-        # A write would create it.
+        # Without this, a write would create it.
         self.store.require(chosen)
         with self.store.knowledge_base(chosen) as kb:
             if self._target == "branch":
@@ -110,7 +110,7 @@ class Writing(Asking):
         )
         made = [make_tool(self, one.__name__, one, hints) for one in self._functions()]
         if is_branch:
-            # Whatever it may read can be the beginning.
+            # A branch can begin from everything that the actor may read.
             made.append(make_tool(Asking(self.store), "begin_branch", self._begin(), hints))
         return made
 

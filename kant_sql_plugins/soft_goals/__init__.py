@@ -1,4 +1,4 @@
-"""Soft goals compiled away (Keyder and Geffner, 2009), for planners that know costs alone."""
+"""Compiles soft goals away (Keyder and Geffner, 2009), for planners that only support costs."""
 
 from __future__ import annotations
 

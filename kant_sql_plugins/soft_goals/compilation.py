@@ -1,15 +1,14 @@
-"""Soft goals compiled away: preferences and a metric become costs of actions.
+"""Compiles soft goals away: preferences and a metric become costs of actions.
 
 The compilation is that of Keyder and Geffner (Soft goals can be compiled away, 2009), extended from
-goals to what PDDL 3.0 has. At the end of the plan, a chain of steps settles one preference after
-another: each is collected if it is satisfied, or forgone at the cost of its weight. An action with
-preferences among its conditions has a copy for each set of them that is violated. Constraints on
-the trajectory are watched by a step that observes the state after each action. Fluents of the
-metric that only increase are costs of the actions that increase them.
+goals to the preferences of PDDL 3.0. At the end of the plan, a chain of steps settles each
+preference: it is collected if it is satisfied, or forgone at the cost of its weight. An action with
+preferences among its conditions has a copy for each set of violated ones. For constraints on the
+trajectory, a step observes the state after each action. Fluents of the metric that only increase
+are costs of the actions that increase them.
 
-The costs of a plan of the compiled problem are, up to a constant and a factor, at least the metric
-of the plan without the steps that were added, and equal to it if each preference that is satisfied
-is collected.
+The cost of a plan of the compiled problem is, up to a constant and a factor, at least the metric of
+the plan without the added steps, and equal to it if each satisfied preference is collected.
 """
 
 from __future__ import annotations
@@ -31,16 +30,16 @@ from kant_sql.planning.names import SHARED_MODALS, too_deep
 
 from .costs import Costs
 
-# Conditional effects of an action that are compiled away: each doubles its copies.
+# The maximum number of conditional effects to compile away per action: each doubles its copies.
 MOST_COMPILED_EFFECTS = 4
-# Preferences of one action that are compiled away: each doubles its copies.
+# The maximum number of preferences to compile away per action: each doubles its copies.
 MOST_CHOICES = 6
-# Preferences of one quantifier.
+# The maximum number of preferences of one quantifier.
 MOST_INSTANCES = 5_000
 
 
 def compile_soft_goals(domain: pddl.Domain, problem: pddl.Problem) -> Iterator[Variant]:
-    """Yield stand-ins for documents: with costs, then without the metric and all preferences."""
+    """Yield replacements for documents: with costs, then without metric and preferences."""
     soft_goals = SoftGoals(domain, problem)
     compiled = soft_goals.compiled()
     yield compiled
@@ -55,7 +54,7 @@ class _Preference:
     """An instance of a preference.
 
     Attributes:
-        weight: what violating it adds to a metric to minimize.
+        weight: the amount that violating it adds to a metric to minimize.
     """
 
     name: str
@@ -72,7 +71,7 @@ class _Preference:
 
 
 class _NotGivenError(Exception):
-    """A planner cannot be given a construct; the argument says why."""
+    """A planner cannot get a construct; the argument is the reason."""
 
 
 class SoftGoals:
@@ -80,7 +79,7 @@ class SoftGoals:
 
     Args:
         measured: whether to compile the metric; otherwise it and all preferences are left out.
-        chained: whether a state is observed in steps of one conditional effect each.
+        chained: whether to observe a state in steps with one conditional effect each.
     """
 
     def __init__(
@@ -159,7 +158,7 @@ class SoftGoals:
 
     @property
     def observes_much(self) -> bool:
-        """Whether an observation has more conditional effects than planners may compile away."""
+        """Whether an observation has more conditional effects than planners can compile away."""
         return len(self._observed) > MOST_COMPILED_EFFECTS
 
     # The metric.
@@ -252,7 +251,7 @@ class SoftGoals:
         grounded = self._grounded(node)
         if grounded is None:
             self._ignore(where, node, f"it has more than {MOST_INSTANCES} instances")
-            # The conditions beside the preferences still hold.
+            # The conditions beside the preferences still count.
             rest = tuple(hard([inner]))
             if rest:
                 yield f.Forall(tuple(variables), f.And(rest))
@@ -262,7 +261,7 @@ class SoftGoals:
             yield from self._without_preferences([one], where, found, known)
         ignored, self._ignored = self._ignored, outer
         for text in ignored:
-            # Once, with its variables.
+            # Only once, with its variables.
             self._ignore(where, node, text.rpartition(f" in {where}: ")[2])
             break
 
@@ -285,16 +284,16 @@ class SoftGoals:
             self._ignore(where, node, "the planner knows no metric that counts it")
         return Fraction(0)
 
-    # When preferences are satisfied.
+    # Satisfaction of preferences.
 
     def _settled(self, node: f.Formula) -> f.Formula:
-        """Return the condition at the end of the plan that a goal is satisfied."""
+        """Return the condition at the end of the plan under which a goal is satisfied."""
         if self._changes_by_itself:
             raise _NotGivenError("the state changes after the last step")
         return node
 
     def _watched(self, node: f.Formula) -> f.Formula:
-        """Return the condition at the end of the plan that a constraint was satisfied."""
+        """Return the condition at the end of the plan under which a constraint was satisfied."""
         match node:
             case f.And(parts):
                 return f.And(tuple(map(self._watched, parts)))
@@ -314,9 +313,9 @@ class SoftGoals:
         raise _NotGivenError("it is not a constraint on the trajectory")
 
     def _monitor(self, operator: str, parts: Sequence[f.Formula]) -> f.Formula:
-        """Watch a constraint (PDDL 3.0, section 2); all conditions are of the observed state.
+        """Watch a constraint (PDDL 3.0, section 2); all conditions are about the observed state.
 
-        No effect changes what a later one needs, so these may happen one after another.
+        No effect changes the condition of a later one, so they can happen in sequence.
         """
         held = self._atom("held", initially=operator != "sometime")
         first, last = parts[0], parts[-1]
@@ -353,7 +352,7 @@ class SoftGoals:
     def _copies(
         self, action: pddl.Action, acting: f.Atom | None, observing: f.Atom | None
     ) -> Iterator[CostedAction]:
-        """Yield an action once for each set of its preferences that is violated."""
+        """Yield an action once for each set of its violated preferences."""
         where = f"{action.kind} {action.name}"
         softened: list[_Preference] = []
         condition = tuple(self._without_preferences(action.condition, where, softened))
@@ -380,11 +379,11 @@ class SoftGoals:
             yield CostedAction(_in_turn(copy, acting, observing), cost, amount)
 
     def _choices(self, softened: list[_Preference], where: str) -> list[_Preference]:
-        """Return the preferences of an action that its copies violate or not, heaviest first."""
+        """Return the preferences of an action that its copies may violate, the heaviest first."""
         possible = []
         for one in softened:
             if one.is_rewarded:
-                # A cost for each step that satisfies it would be one for each step.
+                # Costs are paid per step, so each step that satisfies it would pay again.
                 self._ignore(where, one, "the more steps violate it, the better is the metric")
             else:
                 possible.append(one)
@@ -402,7 +401,7 @@ class SoftGoals:
         steps = [self._step("end-of-plan", (acting, *goal), (f.Not(acting), turn))]
         for one in softened:
             after = self._atom("settled", initially=False)
-            # No delete: Fast Downward would look for invariants in all sets of these atoms.
+            # Without delete: Fast Downward would search for invariants in all sets of these atoms.
             effect = (after,)
             satisfied: tuple[f.Formula, ...] = (turn, one.formula)
             violated: tuple[f.Formula, ...] = (turn,)
@@ -428,14 +427,14 @@ class SoftGoals:
     def _step(
         self, name: str, condition: tuple[f.Formula, ...], effect: tuple[f.Formula, ...]
     ) -> CostedAction:
-        """Make an action that is left out of plans."""
+        """Make an action that plans leave out."""
         chosen = self._unused(name)
         self._steps[fold(chosen)] = None
         return CostedAction(pddl.Action(pddl.ACTION, chosen, (), (), condition, effect))
 
 
 def _with_constants(domain: pddl.Domain, problem: pddl.Problem) -> tuple[pddl.Domain, pddl.Problem]:
-    """Make constants of the objects that the domain mentions."""
+    """Make the objects that the domain mentions constants."""
     nodes = f.walk(*pddl.formulas(domain))
     mentioned = {fold(node.name) for node in nodes if isinstance(node, f.Constant)}
     mentioned -= {fold(part.name) for part in domain.constants}
@@ -446,7 +445,7 @@ def _with_constants(domain: pddl.Domain, problem: pddl.Problem) -> tuple[pddl.Do
 
 
 def _in_turn(action: pddl.Action, acting: f.Atom | None, observing: f.Atom | None) -> pddl.Action:
-    """Allow an action before the end of the plan only, and each after an observation."""
+    """Allow an action only before the end of the plan, and each one after an observation."""
     if acting is None:
         return action
     if action.kind == pddl.DURATIVE_ACTION:

@@ -34,7 +34,7 @@ class _Increase:
 
 
 class NoCostError(Exception):
-    """A fluent is not a sum of costs; the argument says why."""
+    """A fluent is not a sum of costs; the argument is the reason."""
 
 
 class Costs:
@@ -71,7 +71,7 @@ class Costs:
         self.free = self._free_functions(problem)
 
     def _free_functions(self, problem: Problem) -> frozenset[str]:
-        """Return the functions that change, and that no condition needs."""
+        """Return the functions that change, but that no condition needs."""
         numeric = {fold(one.name) for one in self._domain.functions if not one.types}
         found = numeric - self._static - functions_read(self._domain, problem) - self._timed
         for function in sorted(found - self._weights.keys() - self.refused.keys()):
@@ -79,7 +79,7 @@ class Costs:
         return frozenset(found & self._weights.keys())
 
     def _take(self, function: str) -> None:
-        """Take the amounts that actions add to a function as costs, or say why not."""
+        """Use the amounts that actions add to a function as costs, or record why not."""
         if function in self._static:
             return  # a constant changes no comparison of plans
         is_weighted = bool(self._weights.setdefault(function, {}))
@@ -97,7 +97,7 @@ class Costs:
         self._increases.update(found)
 
     def _of_whole_action(self, action: Action, function: str, is_weighted: bool) -> list[_Increase]:
-        """Return the amounts of an action, with those that it adds to another function."""
+        """Return the amounts of an action, including those for other functions."""
         known = self._increases.get(fold(action.name), [])
         found = list(self._of_action(action, function))
         table = self._table(action, found)
@@ -192,7 +192,7 @@ def _changes(node: f.Node, function: str) -> bool:
 
 
 def _with_duration(value: f.Expression, action: Action) -> f.Expression:
-    """Replace `?duration` by its value, where the action has one equation for it."""
+    """Replace `?duration` by its value, if the action has one equation for it."""
     match action.duration:
         case (f.Comparison("=", f.Variable(name), bound),) if fold(name) == f.DURATION:
             return replaced(value, {f.DURATION: bound})
