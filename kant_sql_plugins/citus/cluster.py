@@ -94,8 +94,8 @@ class CitusNodes(NamedTuple):
     def replanning(self, is_other: bool) -> str:
         """Write the statement after which a node replans.
 
-        None discards another node's plans. A cached plan is made again under another search path:
-        at the end, where no lookup gets to, makes it another path.
+        None discards another node's plans. A cached plan is remade for another search path: a
+        schema at the end, where no lookup gets to, makes it another path.
         """
         schemas = f"{self.search_path}, information_schema" if is_other else self.search_path
         return f"SET LOCAL search_path = {schemas}"
