@@ -1,4 +1,4 @@
-"""What a store, its archive and its replica hold, row by row, to be compared with one another."""
+"""Compares a store, its archive and its replica, row by row."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Rows = dict[str, Counter[Row]]
 
 TABLES = [table for table in Base.metadata.sorted_tables if "kb_id" in table.c]
 VERSIONS = [table for table in TABLES if "until" in table.c]
-# Names stay in the store and come along with what refers to them; atoms do as they are needed.
+# Names stay in the store and are copied with the rows that refer to them; atoms when needed.
 IDENTITIES = {
     *("type", "object", "predicate", "function", "action", "formula", "rule", "document"),
     *("proposition", "proposition_argument", "function_value", "function_value_argument"),
@@ -46,7 +46,7 @@ def damage(url: str, *statements: str) -> None:
 
 
 def rows_of(url: str, name: str = "tiago") -> Rows:
-    """All rows of a knowledge base, without its id, by the name of their table."""
+    """Return all rows of a knowledge base, without its id, by table."""
     with closing(create_backend(url)) as backend, backend.open_session() as session:
         session.begin(write=False)
         found = session.rows(_KB, name=name)
@@ -76,7 +76,7 @@ def _place(table: Table, column: str) -> int:
 
 
 def versions_upto(rows: Rows, upto: int) -> Rows:
-    """The versions of before as they stood at a revision."""
+    """Return the versions up to a revision, as they were at it."""
     return {
         table.name: Counter(
             _as_of(table, row, upto)
@@ -98,7 +98,7 @@ def _as_of(table: Table, row: Row, upto: int) -> Row:
 
 
 def versions_after(rows: Rows, upto: int) -> Rows:
-    """The versions that had not ended at a revision; those of executions, the outcomes, stay."""
+    """Return the versions that had not ended at a revision; of executions, all outcomes."""
     return {
         table.name: Counter(
             row
@@ -123,7 +123,7 @@ class State(NamedTuple):
 
 
 def states(kb: KnowledgeBase, revisions: Iterable[int]) -> dict[int, State]:
-    """What a knowledge base was at some revisions."""
+    """Return the states of a knowledge base at some revisions."""
     found = {}
     for revision in revisions:
         then = kb.at(revision)
@@ -139,21 +139,21 @@ def intact(url: str, name: str = "tiago") -> None:
 
 
 def count(kb: KnowledgeBase, upto: int) -> None:
-    """Count until the knowledge base is at a revision."""
+    """Count until the knowledge base reaches a revision."""
     if not kb.revision:
         counter.start(kb)
     counter.increment(kb, upto - kb.revision)
 
 
-# The head of a replica says where it comes from; verification is each store's own.
+# The head of a replica names its origin; each store has its own verification.
 OWN = {"head", "verification"}
 SAME = ("revision", "definition_revision", "next_id", "hash", "committed_at")
 
 
 def _known(rows: Rows, table: Table) -> Counter[Row]:
-    """Give the rows of a table but those of elements that never held.
+    """Return the rows of a table without those of elements that never held.
 
-    What one transaction asserts and retracts leaves an identity, which is not knowledge.
+    An element that one transaction asserts and retracts leaves an identity, which is not knowledge.
     """
     owner = table.name.removesuffix("_argument")
     version = next((other for other in VERSIONS if other.name == f"{owner}_version"), None)

@@ -1,4 +1,4 @@
-"""A synchronous face of the asynchronous front door: the tests of the one test the other."""
+"""A synchronous facade of the asynchronous front door, so its tests test the other one, too."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Loop:
             except Exception as error:
                 future.set_exception(error)
             except BaseException as error:
-                # Ctrl-C and other ends of a program are the caller's.
+                # Ctrl-C and other ends of a program concern the caller.
                 future.set_exception(error)
                 if isinstance(error, asyncio.CancelledError):
                     raise
@@ -65,7 +65,7 @@ class Loop:
 
 
 class _Face:
-    """Calls an object's coroutines and waits for them; iterates over what it iterates."""
+    """Calls an object's coroutines and waits for them; iterates over its iterators."""
 
     def __init__(self, loop: Loop, thing: Any) -> None:
         self._loop = loop
@@ -90,7 +90,7 @@ class _Face:
 class _Items(Iterator[Any]):
     def __init__(self, loop: Loop, items: Any) -> None:
         self._loop, self._items = loop, items
-        # What is wrong with the arguments is said at once, as on the other side.
+        # Wrong arguments raise at once, as in the synchronous front door.
         self._first = [self._next()]
 
     def _next(self) -> Any:
@@ -155,14 +155,14 @@ class Face(KnowledgeBase):
 
 
 def beside(loop: Loop, kb: KnowledgeBase, name: str) -> Face:
-    """Another knowledge base on the same connections, which stay open when it is closed."""
+    """Open another knowledge base on the same connections, which stay open when it closes."""
     own = same_store(kb, name)
     own.close = lambda: None  # type: ignore[method-assign]
     return Face(loop, aio.AsyncKnowledgeBase(aio._Door(own), kb=own))
 
 
 def connect(loop: Loop, url: str, **options: Any) -> Face:
-    """Open a knowledge base by the asynchronous front door."""
+    """Open a knowledge base through the asynchronous front door."""
 
     async def open_() -> aio.AsyncKnowledgeBase:
         return await aio.connect(url, **options)

@@ -1,4 +1,4 @@
-"""Facts and goals through one object, as the paper has them: each goes to its own DAO."""
+"""Facts and goals through one object, as in the paper: each goes to its own DAO."""
 
 from __future__ import annotations
 

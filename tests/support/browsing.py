@@ -1,4 +1,4 @@
-"""A real browser, and a real server: what a reader of the pages has."""
+"""A real browser and a real server, as a reader of the pages has them."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from tests.support.processes.commands import start
 from tests.support.processes.workers import PATIENCE
 
 NARROW, WIDE = 400, 1600
-# A sheet of A4 at the 96 pixels to an inch of a style sheet.
+# The width of an A4 sheet at a style sheet's 96 pixels per inch.
 PAPER = 794
 WIDTHS = (NARROW, WIDE)
 Scheme = Literal["light", "dark"]
-# Contrast depends on the scheme, space on the width: each of both once shows as much as all pairs.
+# Contrast depends on the scheme, space on the width: two pairs show as much as all four.
 LOOKS: tuple[tuple[int, Scheme], ...] = ((NARROW, "light"), (WIDE, "dark"))
-# A name that leads elsewhere leads nowhere: nothing leaves the machine, whatever a page asks for.
+# Other host names lead nowhere, so nothing leaves the machine, whatever a page requests.
 ARGUMENTS = (
     "--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1 , EXCLUDE localhost",
     "--disable-gpu",
 )
 _MILLISECONDS = 30_000
-# Elements that the key Tab stops at, as a reader sees them; of radio buttons at one in a group.
+# Elements at which the key Tab stops, as a reader sees them; one of each group of radio buttons.
 _STOPS = """() => [...document.querySelectorAll(
     'main a[href], main button, main input, main select, main textarea, main summary,' +
     'main [tabindex]')].filter(each => each.tabIndex >= 0 && !each.disabled &&
@@ -62,16 +62,16 @@ _OVERFLOW = """() => {
 
 
 def chromium() -> str | None:
-    """Find Debian's browser, or the one that `KANT_SQL_TEST_BROWSER` names."""
+    """Find Debian's browser, or the one in `KANT_SQL_TEST_BROWSER`."""
     return os.environ.get("KANT_SQL_TEST_BROWSER") or shutil.which("chromium")
 
 
 class Serving:
-    """`kant-sql serve` as a process of its own.
+    """`kant-sql serve` as its own process.
 
     Attributes:
-        address: where it answers, without a slash at the end.
-        token: what readers have to know, if anything.
+        address: its address, without a slash at the end.
+        token: the token that readers need, if any.
         process: its process.
     """
 
@@ -94,7 +94,7 @@ class Serving:
         self._wait()
 
     def _wait(self) -> None:
-        """Wait until it answers; the socket is there before that."""
+        """Wait until it answers; the socket exists before that."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end and self.process.poll() is None:
             with suppress(OSError):
@@ -105,11 +105,11 @@ class Serving:
         raise AssertionError(f"the server does not answer: {self.log()}")
 
     def log(self) -> str:
-        """What it has said on its standard error."""
+        """Its output on standard error."""
         return self._log.read_text(encoding="utf-8", errors="replace")
 
     def stop(self) -> None:
-        """Stop it as Ctrl-C does."""
+        """Stop it like Ctrl-C."""
         self.process.terminate()
         try:
             self.process.communicate(timeout=PATIENCE)
@@ -119,7 +119,7 @@ class Serving:
 
 
 class Visitor:
-    """A reader with a browser of their own: opens pages, and remembers what goes wrong.
+    """A reader with their own browser: opens pages, and records faults.
 
     Attributes:
         page: the page of the browser.
@@ -171,7 +171,7 @@ class Visitor:
         self.answers.append((response.status, response.url))
 
     def _is_own(self, url: str) -> bool:
-        # Not a beginning: of `http://127.0.0.1:80`, `http://127.0.0.1:8001` is another.
+        # Not by prefix: `http://127.0.0.1:80` is a prefix of another, `http://127.0.0.1:8001`.
         own, other = urlsplit(self.address), urlsplit(url)
         return (own.scheme, own.netloc) == (other.scheme, other.netloc)
 
@@ -184,23 +184,23 @@ class Visitor:
             self.forgive(status)
 
     def forgive(self, status: int) -> None:
-        """Forget that an answer had a status: the browser says so of every one."""
+        """Forget answers with a status: the browser reports each of them."""
         said = f"the server responded with a status of {status}"
         self.faults = [fault for fault in self.faults if said not in fault]
 
     def settle(self) -> None:
-        """Wait until no part of the page says that it is being made."""
+        """Wait until no part of the page is still loading."""
         self.page.wait_for_load_state("load")
         self.page.wait_for_function("() => !document.querySelector('[aria-busy=true]')")
 
     def look(self, width: int, scheme: Scheme) -> None:
-        """Make the window so wide, and prefer a colour scheme."""
+        """Set the width of the window and the preferred colour scheme."""
         self.page.set_viewport_size({"width": width, "height": 900})
         self.page.emulate_media(color_scheme=scheme)
         self.settle()
 
     def violations(self) -> list[str]:
-        """Name the rules of accessibility that the page breaks, and where."""
+        """List the rules of accessibility that the page violates, and where."""
         found = Axe().run(self.page).response["violations"]
         return [
             f"{each['id']}: {node['html'][:200]} ({node.get('failureSummary', '')[:300]})"
@@ -209,7 +209,7 @@ class Visitor:
         ]
 
     def overflow(self) -> list[str]:
-        """Name what is wider than the window, so that one has to scroll sideways."""
+        """List the elements wider than the window, which require sideways scrolling."""
         found: list[str] = self.page.evaluate(_OVERFLOW)
         return found
 
@@ -217,7 +217,7 @@ class Visitor:
         """Go through the page with the key Tab, from its beginning.
 
         Returns:
-            How many elements of the content the key stopped at, and how many it should stop at.
+            The number of content elements where the key stopped, and where it should stop.
         """
         expected: int = self.page.evaluate(_STOPS)
         self.page.evaluate("() => { document.activeElement?.blur(); window.scrollTo(0, 0); }")
@@ -233,7 +233,7 @@ class Visitor:
         return visited, expected
 
     def text(self) -> str:
-        """The text of the content, as it is read."""
+        """The text of the content, as a reader sees it."""
         return self.page.locator("main").inner_text()
 
     def close(self) -> None:

@@ -1,6 +1,6 @@
-"""The chain of revisions, recomputed from the tables with SQL, `json` and `hashlib` alone.
+"""Recomputes the chain of revisions from the tables, with only SQL, `json` and `hashlib`.
 
-Nothing of the library is used here, as an auditor would not use it either.
+It uses nothing of the library, as an auditor would not use it either.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ _IDS = " UNION ALL ".join(f"SELECT kb_id, id FROM {table}" for table in _IDENTIT
 
 
 class Dialect(NamedTuple):
-    """How a database gives a time and a JSON document as the texts that were hashed."""
+    """How to read a time and a JSON document as the hashed texts from a database."""
 
     time: str
     source: str
@@ -77,7 +77,7 @@ POSTGRESQL = Dialect(
 
 
 def check_chain(url: str) -> dict[str, int]:
-    """Recompute all hashes of a store, and check what must hold of its revisions.
+    """Recompute all hashes of a store, and check the conditions on its revisions.
 
     Args:
         url: the database URL.
@@ -100,14 +100,14 @@ def check_chain(url: str) -> dict[str, int]:
 
 
 def check_sqlite(connection: sqlite3.Connection) -> dict[str, int]:
-    """Do the same on an open connection to SQLite, which may be to a store in memory."""
+    """The same on an open connection to SQLite, even to a store in memory."""
     assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
     assert connection.execute("PRAGMA foreign_key_check").fetchall() == []
     return check_tables(connection.execute, SQLITE)
 
 
 def check_tables(execute: Execute, dialect: Dialect) -> dict[str, int]:
-    """Do the same with a function that runs SQL, in a transaction that sees one state."""
+    """The same with a function that runs SQL, in a transaction that sees one state."""
     revisions = defaultdict(list)
     time, observed_at = map(dialect.time.format, ("committed_at", "observed_at"))
     sql = _REVISIONS.format(time=time, observed_at=observed_at, source=dialect.source)
@@ -135,12 +135,12 @@ def check_tables(execute: Execute, dialect: Dialect) -> dict[str, int]:
 
 
 def _changes(execute: Execute) -> defaultdict[int, defaultdict[int, list[_Change]]]:
-    """Give the change lines of each revision of each knowledge base."""
+    """Return the change lines of each revision of each knowledge base."""
     changes: defaultdict[int, defaultdict[int, list[_Change]]] = defaultdict(
         lambda: defaultdict(list)
     )
     queries = [
-        # A formula is of the kind that its section says.
+        # A formula's kind is its section.
         _DEFINITION_CHANGES.format(
             kind="section" if table == "formula" else f"'{table}'", table=table
         )
@@ -157,7 +157,7 @@ def _changes(execute: Execute) -> defaultdict[int, defaultdict[int, list[_Change
 def _check_revisions(
     name: str, revisions: list[list[Any]], changes: dict[int, list[_Change]]
 ) -> tuple[int, str, str] | None:
-    """Check one knowledge base; give number, hash and time of its last revision."""
+    """Check one knowledge base; return number, hash and time of its last revision."""
     assert set(changes) == {revision[0] for revision in revisions}, f"{name}: half a revision"
     last: tuple[int, str, str] | None = None
     for count, revision in enumerate(revisions):
@@ -184,7 +184,7 @@ def _check_revisions(
             "plan_step": _json(None if step == [None, None] else step),
             "previous": _json(last and last[1]),
             "reason": _json(said[1]),
-            # It is stored in canonical form, and numbers are best left as they are.
+            # It is stored in canonical form, and parsing could change its numbers.
             "source": said[2] or "null" if seed is None else _json(said[2]),
         }
         document = ",".join(f'"{key}":{value}' for key, value in members.items())

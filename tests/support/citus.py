@@ -1,8 +1,8 @@
-"""Databases of a Citus cluster, of which each test has its own.
+"""Databases of a Citus cluster, a new one for each test.
 
-The extension, 48 tables and their shards take seconds to make. A database is a copy instead, made
-on every node at once: Citus knows nodes by their addresses and tables by their numbers, which are
-the same in a copy.
+Creating the extension, 48 tables and their shards takes seconds. So a database is a copy, made on
+every node at once: Citus knows nodes by their addresses and tables by their numbers, which are the
+same in a copy.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from tests.support.reading import store_of
 
 VARIABLE = "KANT_SQL_TEST_CITUS_URL"
 MISSING = f"no Citus: set {VARIABLE} to the URL of an empty database on a coordinator"
-# Enough for two knowledge bases to be on different nodes, few enough to be copied.
+# Enough for two knowledge bases to be on different nodes, few enough to copy fast.
 SHARDS = 4
 TRIES = 6
-# Views that Citus refuses to read for all knowledge bases: a recursive query has to be of one.
+# Citus reads these views, with recursive queries, only for a single knowledge base.
 OF_ONE = {"audit_action_literal"}
 _NODES = "SELECT groupid, nodename, nodeport FROM pg_dist_node WHERE noderole = 'primary'"
 _numbers = itertools.count(1)
 
 
 def citus_url() -> str | None:
-    """The URL of the database that names the cluster, if there is one for tests."""
+    """The URL of the database of the test cluster, if there is one."""
     return os.environ.get(VARIABLE)
 
 
 def is_distributed(url: str) -> bool:
-    """Whether the tables of a store are distributed."""
+    """Return whether the tables of a store are distributed."""
     if citus_url() is None or not url.startswith("postgresql"):
         return False
     with psycopg.connect(url) as connection:
@@ -45,7 +45,7 @@ def is_distributed(url: str) -> bool:
 
 
 def view_of(url: str, view: str, knowledge_base: str) -> str:
-    """What to read a view from: a cluster has one only of a single knowledge base."""
+    """Return the text that a query reads a view from: a cluster requires one knowledge base."""
     if view not in OF_ONE or not is_distributed(url):
         return view
     with (
@@ -58,11 +58,11 @@ def view_of(url: str, view: str, knowledge_base: str) -> str:
 
 
 class Cluster:
-    """A Citus cluster, whose user may create databases on each node.
+    """A Citus cluster whose user may create databases on each node.
 
     Attributes:
         url: the URL of a database on the coordinator.
-        nodes: number of the group, host and port of each node; the coordinator's group is 0.
+        nodes: group number, host and port of each node; the coordinator's group is 0.
     """
 
     def __init__(self, url: str) -> None:
@@ -89,18 +89,18 @@ class Cluster:
             assert success, (node, result)
 
     def at_node(self, url: str, group: int) -> str:
-        """The URL of the same database on another node."""
+        """Return the URL of the same database on another node."""
         (host, port), *_ = [(host, port) for number, host, port in self.nodes if number == group]
         return make_url(url).set(host=host, port=port).render_as_string(hide_password=False)
 
     def new_database(self) -> str:
-        """Create a database with the extension and without tables, and give its URL."""
+        """Create a database with the extension and without tables, and return its URL."""
         if None not in self._templates:
             self._templates[None] = self._make_template()
         return self._copy(self._templates[None])
 
     def new_store(self, shards: int = SHARDS) -> str:
-        """Create a database with tables, distributed unless `shards` is 0, and give its URL."""
+        """Create a database with tables, distributed unless `shards` is 0, and return its URL."""
         if shards not in self._templates:
             url = self.new_database() if shards == 0 else self.new_store(0)
             if shards == 0:
@@ -111,7 +111,7 @@ class Cluster:
         return self._copy(self._templates[shards])
 
     def copy(self, url: str) -> str:
-        """Create a copy of a database that nobody is connected to."""
+        """Copy a database without connections."""
         name = self._close(url)
         try:
             return self._copy(name)
@@ -119,11 +119,11 @@ class Cluster:
             self.run_everywhere(f'ALTER DATABASE "{name}" ALLOW_CONNECTIONS true')
 
     def drop_database(self, url: str) -> None:
-        """Drop what a test has used."""
+        """Drop the database of a test."""
         self._drop(str(make_url(url).database))
 
     def drop(self) -> None:
-        """Drop all that was created."""
+        """Drop all created databases."""
         for name in [*self._made]:
             self._drop(name)
 
@@ -143,7 +143,7 @@ class Cluster:
         return self._close(url)
 
     def _close(self, url: str | URL) -> str:
-        """Shut a database to all, also to what Citus itself runs in it: only then it is copied."""
+        """Refuse all connections to a database, even of Citus itself, so it can be copied."""
         name = str(make_url(url).database)
         self.run_everywhere(f'ALTER DATABASE "{name}" ALLOW_CONNECTIONS false')
         self.run_everywhere(
@@ -161,13 +161,13 @@ class Cluster:
         return self.url.set(database=name).render_as_string(hide_password=False)
 
     def _retried(self, sql: str, undo: str | None = None) -> None:
-        """Run a statement on each node, again when Citus still runs something in the database."""
+        """Run a statement on each node; retry while Citus still runs something in the database."""
         for attempt in itertools.count(1):
             try:
                 self.run_everywhere(sql)
                 return
             except AssertionError:
-                # It ends a moment after it was told to.
+                # It ends a moment after the request.
                 if undo is not None:
                     self.run_everywhere(undo)
                 if attempt == TRIES:

@@ -1,4 +1,4 @@
-"""PostgreSQL servers that standbys follow, by PostgreSQL's programs, on sockets."""
+"""PostgreSQL servers with standbys, run by PostgreSQL's programs, on sockets."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.support.processes.workers import PATIENCE
 from tests.support.servers import programs, system_user
 
 DATABASE = "fleet"
-# Below those that the system gives away before the port is used.
+# Below the ports that the system assigns, so none is taken before its use.
 _PORTS = iter(random.sample(range(20_000, 30_000), 10_000))
 SETTINGS = """
 listen_addresses = ''
@@ -37,7 +37,7 @@ wal_receiver_status_interval = '100ms'
 
 
 def run_program(name: str, *words: str | Path, **options: Any) -> str:
-    """Run a program of PostgreSQL, and give what it prints."""
+    """Run a program of PostgreSQL, and return its output."""
     command = [str(programs() / name), *map(str, words)]
     done: subprocess.CompletedProcess[str] = subprocess.run(
         command, capture_output=True, text=True, user=system_user(), cwd="/", check=False, **options
@@ -47,7 +47,7 @@ def run_program(name: str, *words: str | Path, **options: Any) -> str:
 
 
 def free_port() -> int:
-    """Find another port that nobody listens on."""
+    """Find another port without a listener."""
     for port in _PORTS:
         with socket.socket() as free, suppress(OSError):
             free.bind(("127.0.0.1", port))
@@ -56,7 +56,7 @@ def free_port() -> int:
 
 
 def install_programs(folder: Path) -> None:
-    """Put PostgreSQL's programs into a folder, as whoever runs servers."""
+    """Copy PostgreSQL's programs into a folder, as the user that runs servers."""
     user = system_user()
     words = [] if user is None else ["setpriv", f"--reuid={user}", f"--regid={user}"]
     for program in programs().iterdir():
@@ -76,7 +76,7 @@ def stop_servers(folder: Path) -> None:
 
 
 class Cluster:
-    """A folder in which servers are, and what archives their log."""
+    """A folder with servers and the archive of their log."""
 
     def __init__(self) -> None:
         self.folder = Path(tempfile.mkdtemp(prefix="kantha"))
@@ -88,7 +88,7 @@ class Cluster:
         self._nodes: list[Node] = []
 
     def primary(self, **settings: str) -> Node:
-        """Make a server, with the database of the fleet."""
+        """Make a server with the database of the fleet."""
         node = self.node(5432)
         run_program("initdb", "-D", node.data, "-U", "postgres", "--auth", "trust", "-N")
         node.configure(**settings)
@@ -97,7 +97,7 @@ class Cluster:
         return node
 
     def standby(self, of: Node, port: int, name: str = "standby") -> Node:
-        """Make a standby by a base backup, and start it."""
+        """Make a standby from a base backup, and start it."""
         node = self.node(port)
         origin = of.conninfo(application_name=name)
         run_program(
@@ -107,13 +107,13 @@ class Cluster:
         return node
 
     def node(self, port: int) -> Node:
-        """Name a server that has no files yet."""
+        """Return a server that has no files yet."""
         made = Node(self.folder, port)
         self._nodes.append(made)
         return made
 
     def stop(self) -> None:
-        """Stop all servers for good."""
+        """Stop all servers."""
         for node in self._nodes:
             node.kill()
         shutil.rmtree(self.folder, ignore_errors=True)
@@ -130,7 +130,7 @@ class Node:
 
     @property
     def address(self) -> str:
-        """Host and port as a URL has them, where it may name several."""
+        """Host and port, in the form for URLs that may name several."""
         return f"host={self.folder}:{self.port}"
 
     @property
@@ -139,7 +139,7 @@ class Node:
         return f"postgresql://postgres@/{DATABASE}?host={self.folder}&port={self.port}"
 
     def conninfo(self, database: str = DATABASE, **more: str) -> str:
-        """What the programs of PostgreSQL connect by."""
+        """Return the connection parameters for PostgreSQL's programs."""
         words = {"host": self.folder, "port": self.port, "user": "postgres", "dbname": database}
         return " ".join(f"{key}={value}" for key, value in {**words, **more}.items())
 
@@ -148,7 +148,7 @@ class Node:
         return psycopg.connect(self.conninfo(database), autocommit=True)
 
     def ask(self, sql: str, database: str = "postgres") -> Any:
-        """Ask for one value."""
+        """Query a single value."""
         with self.connection(database) as connection:
             row = connection.execute(sql.encode()).fetchone()
         return None if row is None else row[0]
@@ -181,7 +181,7 @@ class Node:
         self.wait_for("SELECT true")
 
     def wait_for(self, sql: str, database: str = "postgres") -> None:
-        """Wait until a question is answered by true."""
+        """Wait until a query returns true."""
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
             with suppress(psycopg.OperationalError):

@@ -1,4 +1,4 @@
-"""The competitions' files, where they are beside the checkout."""
+"""The competitions' files, if they are beside the checkout."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ WITHOUT_CORPUS = "no competition files: ../shared/pddl, beside the checkout, is 
 
 
 class Pair(NamedTuple):
-    """A domain and a problem of it.
+    """A domain and one of its problems.
 
     Attributes:
         name: the problem's path below the corpus.
         domain: the domain's file.
         problem: the problem's file.
-        features: what the index says of the two.
+        features: the features of both in the index.
     """
 
     name: str
@@ -47,5 +47,5 @@ needs_corpus = pytest.mark.skipif(not PAIRS, reason=WITHOUT_CORPUS)
 
 
 def small_pairs(size: int) -> list[Pair]:
-    """The pairs of at most so many bytes, the smallest first."""
+    """Return the pairs up to a number of bytes, the smallest first."""
     return sorted((pair for pair in PAIRS if pair.size <= size), key=lambda pair: pair.size)

@@ -1,4 +1,4 @@
-"""Walking through the pages: every link is followed, and what is markup comes from a template."""
+"""Walks through the pages: follows every link, and checks that markup comes from templates."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _BOOLEAN = {
     *("download", "hidden", "multiple", "open", "readonly", "required", "selected"),
 }
 _EMPTY = {"input", "meta", "link", "br", "hr", "img", "col", "wbr", "source"}
-# What the guards of direction and of line ends write out.
+# The characters that the guards of direction and of line ends write as text.
 _HIDING = re.compile(
     "[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\xad\u061c\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff]"
 )
@@ -52,13 +52,13 @@ class Answer(Protocol):
 
 
 class Client(Protocol):
-    """What asks the server."""
+    """A client that sends requests."""
 
     def get(self, url: str) -> Answer: ...
 
 
 class Visited(NamedTuple):
-    """A page that was walked through."""
+    """A visited page."""
 
     address: str
     answer: Answer
@@ -71,8 +71,8 @@ class Markup(HTMLParser):
     Attributes:
         elements: the names of its elements.
         attributes: element, name and value of each attribute.
-        links: what it leads to, forms with the values that they begin with included.
-        texts: its texts, except those in boxes to write in.
+        links: its links, including forms with their initial values.
+        texts: its texts, except those in input boxes.
     """
 
     def __init__(self, text: str) -> None:
@@ -114,26 +114,26 @@ class Markup(HTMLParser):
         if self._open and self._open[-1] == tag:
             self._open.pop()
         elif tag in self._open:
-            # An element whose end may be left out, such as a paragraph.
+            # An element whose end tag is optional, such as a paragraph.
             while self._open.pop() != tag:
                 pass
         else:
             self.unbalanced.append(tag)
 
     def handle_data(self, data: str) -> None:
-        # What a reader writes in a box is given back as it was written.
+        # The text in an input box is returned as the reader wrote it.
         if self._open[-1:] != ["textarea"]:
             self.texts.append(data)
 
     def faults(self) -> Iterator[str]:
-        """Name what no template has written, and what leads out of the application."""
+        """List markup that no template contains, and links out of the application."""
         elements, names = _written()
         yield from (f"element {tag}" for tag in self.elements - elements)
         yield from (f"end of {tag}" for tag in self.unbalanced)
         for tag, name, value in self.attributes:
             if name.startswith("on") or name == "style" or name not in names:
                 yield f"attribute {name} of {tag}"
-            # What a reader may change, or sends back, is as it was written.
+            # A value that a reader may change or send back stays as written.
             if name != "value" and _HIDING.search(value):
                 yield f"{name} {value[:100]!r}"
             is_own = value.startswith(("/", "#", "?")) and value[:2] not in ("//", "/\\")
@@ -159,12 +159,12 @@ def _written() -> tuple[set[str], set[str]]:
 
 
 def walk(client: Client, starts: Iterable[str] = ("/",), most: int = 400) -> Iterator[Visited]:
-    """Go to every page that links lead to.
+    """Visit every page that links lead to.
 
     Args:
-        client: asks the server.
-        starts: where to begin.
-        most: so many pages; of a page with the same parameters, an equal share is walked.
+        client: sends the requests.
+        starts: the first pages.
+        most: the maximum number of pages; each path with the same parameters gets an equal share.
     """
     waiting, known, shares = deque(starts), set(starts), Counter[tuple[str, ...]]()
     visited = 0
@@ -172,7 +172,7 @@ def walk(client: Client, starts: Iterable[str] = ("/",), most: int = 400) -> Ite
         address = waiting.popleft()
         answer = client.get(address)
         visited += 1
-        # Looked at before it is gone on from: a page that is cut off has no links either.
+        # Check this first: a page that is cut off has no links either.
         is_page = "<html" in answer.text[:200]
         markup = Markup(answer.text) if is_page else None
         yield Visited(address, answer, markup)

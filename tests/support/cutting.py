@@ -12,12 +12,12 @@ PARTS = ("nothing", "before", "after", "answer")
 
 
 class Proxy:
-    """Leads connections to a server, and cuts three of four.
+    """Forwards connections to a server, and cuts three of four.
 
     Attributes:
-        target: the port of the server, which may change.
-        port: where it listens.
-        cuts: how many connections were cut in each place.
+        target: the port of the server; it may change.
+        port: its own port.
+        cuts: the number of cut connections by place.
     """
 
     def __init__(self, target: int, seed: int) -> None:
@@ -39,7 +39,7 @@ class Proxy:
 
     def close(self) -> None:
         """Accept no more connections."""
-        # Closing alone would not wake the thread that accepts.
+        # Closing alone would not wake the accepting thread.
         with suppress(OSError):
             self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()

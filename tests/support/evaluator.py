@@ -1,6 +1,6 @@
-"""What PDDL means, plainly: conditions, derived predicates and effects over a dictionary.
+"""The meaning of PDDL, in plain code: conditions, derived predicates and effects on dictionaries.
 
-Brute force over all objects, and nothing of the product but the nodes of formulas and the folding
+It tries all objects, and uses nothing of the product except the nodes of formulas and the folding
 of names. All names in a state are folded.
 """
 
@@ -45,7 +45,7 @@ CHANGE: dict[str, Callable[[Fraction, Fraction], Fraction]] = {
 
 ZERO = Fraction(0)
 TOLERANCE = Fraction(1, 100)
-# How close to its ends an interval is looked at.
+# The distance from the ends of an interval at which it is checked.
 NEAR = Fraction(1, 2**40)
 
 
@@ -54,7 +54,7 @@ class UndefinedEffectError(Exception):
 
 
 class ActionLike(Protocol):
-    """What an action has."""
+    """The attributes of an action."""
 
     @property
     def name(self) -> str: ...
@@ -70,7 +70,7 @@ class ActionLike(Protocol):
 
 @dataclass(frozen=True)
 class State:
-    """Objects with their types, in the order of their declaration; facts; values of fluents."""
+    """Objects with their types, in the order of declaration; facts; values of fluents."""
 
     objects: Typing
     facts: frozenset[Ground]
@@ -79,7 +79,7 @@ class State:
 
 @dataclass(frozen=True)
 class Theory:
-    """The types with those above them, and the rules of derived predicates."""
+    """The types with their ancestors, and the rules of derived predicates."""
 
     parents: Typing
     rules: Sequence[f.Derived] = ()
@@ -93,7 +93,7 @@ class Theory:
         return any(self.is_below(fold(one), fold(other)) for one in types for other in wanted)
 
     def strata(self) -> list[list[f.Derived]]:
-        """The rules in layers: each negates predicates of lower layers only."""
+        """Return the rules in layers: each negates only predicates of lower layers."""
         level = {fold(rule.predicate): 0 for rule in self.rules}
         for _ in range(len(level) + 1):
             for rule in self.rules:
@@ -110,14 +110,14 @@ class Theory:
 
 
 def is_continuous(effect: f.Node) -> bool:
-    """Whether an effect takes place while time passes."""
+    """Return whether an effect is continuous."""
     return isinstance(effect, f.Assign) and any(
         isinstance(node, f.ContinuousTime) for node in f.walk(effect.value)
     )
 
 
 def occurrences(formula: f.Node, positive: bool = True) -> Iterator[tuple[str, bool]]:
-    """The predicates in a formula, each with whether it is there under no or two negations."""
+    """Yield the predicates in a formula, each with whether its negations cancel out."""
     match formula:
         case f.Atom():
             yield fold(formula.predicate), positive
@@ -134,14 +134,14 @@ def occurrences(formula: f.Node, positive: bool = True) -> Iterator[tuple[str, b
 
 
 def of_time(condition: f.Node, time: str | None) -> f.Node:
-    """What a condition says of a time; what it says of no time, it says of each."""
+    """Return the part of a condition at a time; untimed parts belong to each time."""
     if isinstance(condition, f.Timed):
         return condition.formula if condition.time == time else f.And()
     return condition
 
 
 class Evaluator:
-    """What holds in a state."""
+    """Evaluates in a state."""
 
     def __init__(
         self,
@@ -163,12 +163,12 @@ class Evaluator:
                 yield (fold(rule.predicate), *bound.values())
 
     def range(self, types: Iterable[str]) -> list[str]:
-        """The objects that a variable of these types takes, as they were declared."""
+        """Return the objects of a variable with these types, in the order of declaration."""
         wanted = tuple(types)
         return [o for o, own in self.state.objects.items() if self.theory.fits(own, wanted)]
 
     def bindings(self, variables: Iterable[f.TypedName]) -> Iterator[dict[str, str]]:
-        """All values of variables, the last of them changing fastest."""
+        """Yield all values of variables; the last one changes fastest."""
         listed = list(variables)
         names = [fold(variable.name) for variable in listed]
         for objects in itertools.product(*(self.range(variable.types) for variable in listed)):
@@ -196,7 +196,7 @@ class Evaluator:
         raise TypeError(f"no condition: {formula!r}")
 
     def _is_true(self, formula: f.Atom | f.Equal | f.Comparison, bound: Bindings) -> bool:
-        """Whether a formula without parts holds; none does where a fluent has no value."""
+        """Return whether a leaf holds; none holds if a fluent in it has no value."""
         if isinstance(formula, f.Atom):
             return self.ground(formula.predicate, formula.terms, bound) in self.facts
         if isinstance(formula, f.Equal):
@@ -209,7 +209,7 @@ class Evaluator:
         return COMPARE[formula.operator](left, right)
 
     def term(self, term: f.Node, bound: Bindings) -> str | None:
-        """The object that a term denotes; None for a fluent without a value."""
+        """Return the object of a term; None for a fluent without a value."""
         match term:
             case f.Variable():
                 return bound[fold(term.name)]
@@ -231,7 +231,7 @@ class Evaluator:
         return (fold(name), *found) if len(found) == len(objects) else None
 
     def number(self, expression: f.Node, bound: Bindings, kind: type[N]) -> N | None:
-        """The value of an expression; None where a part has none or where it divides by 0."""
+        """Return the value of an expression; None if a part has none, or for a division by 0."""
         match expression:
             case f.Number():
                 return kind(expression.value)
@@ -253,7 +253,7 @@ class Evaluator:
     def answers(
         self, formula: f.Node, columns: Sequence[f.TypedName], fixed: Bindings | None = None
     ) -> list[tuple[str, ...]]:
-        """The objects for which a condition holds, in the order of the columns."""
+        """Return the objects for which a condition holds, in the order of the columns."""
         given = fixed or {}
         return [
             tuple(bound.values())
@@ -262,18 +262,18 @@ class Evaluator:
         ]
 
     def applicable(self, action: ActionLike, time: str = f.AT_START) -> list[tuple[str, ...]]:
-        """The arguments for which the condition holds; of a durative action, that of a time."""
+        """Return the arguments for which the condition holds; of a durative action, at a time."""
         parts = tuple(of_time(part, time) for part in action.condition)
         return self.answers(f.And(parts), action.parameters)  # type: ignore[arg-type]
 
     def apply(self, action: ActionLike, arguments: Sequence[str], time: str | None = None) -> State:
-        """The state after an action that is applicable; after a time of a durative one."""
+        """Return the state after an applicable action, or after one time of a durative one."""
         return self.changed(action.effect, self._bound(action, arguments), time)
 
     def changed(self, effects: Iterable[f.Node], bound: Bindings, time: str | None = None) -> State:
-        """The state after effects; of a durative action, after those at a time.
+        """Return the state after effects; of a durative action, after those at a time.
 
-        All is evaluated in the state before; what is deleted and added is added.
+        All are evaluated in the state before; adds win over deletes.
         """
         found = [change for effect in effects for change in self._changes(effect, bound, time)]
         removed = {self._changed_fact(e.formula, b) for e, b in found if isinstance(e, f.Not)}
@@ -295,7 +295,7 @@ class Evaluator:
     def lasting(
         self, action: ActionLike, arguments: Sequence[str], given: Fraction | None = None
     ) -> Iterator[Fraction]:
-        """The durations that a step can have: the given one, the fixed one, or some of all."""
+        """Yield possible durations of a step: the given one, the fixed one, or some of many."""
         bound = self._bound(action, arguments)
         limits = []
         for constraint in action.duration:
@@ -339,7 +339,7 @@ class Evaluator:
         return after if time is None or after.meets(action, bound, f.OVER_ALL) else None
 
     def ended(self, action: ActionLike, arguments: Sequence[str]) -> State | None:
-        """The state after the end of a step, of whose duration nothing has happened yet."""
+        """Return the state after a step's end, without changes during its duration."""
         bound, duration = self._bound(action, arguments), self.duration or ZERO
         moments = [NEAR, *(Fraction(number, 97) for number in range(1, 97)), 1 - NEAR]
         try:
@@ -355,7 +355,7 @@ class Evaluator:
             return None
 
     def meets(self, action: ActionLike, bound: Bindings, time: str) -> bool:
-        """Whether the conditions of a time hold."""
+        """Return whether the conditions at a time hold."""
         return all(self.holds(of_time(part, time), bound) for part in action.condition)
 
     def _moved(self, action: ActionLike, bound: Bindings, passed: Fraction) -> Evaluator:
@@ -371,7 +371,7 @@ class Evaluator:
     def _changes(
         self, effect: f.Node, bound: Bindings, time: str | None
     ) -> Iterator[tuple[f.Node, Bindings]]:
-        """The literals and assignments that an effect comes to, with their variables."""
+        """Yield the literals and assignments of an effect, with their variables."""
         match effect:
             case f.And():
                 for part in effect.formulas:
@@ -410,14 +410,14 @@ class Evaluator:
 
 
 def is_allowed(operator: str, difference: Fraction) -> bool:
-    """Whether a duration differs from its limit as it may, within the tolerance."""
+    """Return whether the difference of a duration from its limit is allowed, with tolerance."""
     if operator == "=":
         return abs(difference) <= TOLERANCE
     return difference <= TOLERANCE if operator == "<=" else -difference <= TOLERANCE
 
 
 def calculated(sign: str, operands: Sequence[N]) -> N | None:
-    """The value of an operation, from left to right."""
+    """Return the value of an operation, from left to right."""
     first, *rest = operands
     if not rest:
         return first * -1 if sign == "-" else first
@@ -431,7 +431,7 @@ def calculated(sign: str, operands: Sequence[N]) -> N | None:
 def assigned(
     value: Fraction | str | None, changes: Sequence[tuple[str, Fraction | str]]
 ) -> Fraction | str:
-    """The value after the effects on one fluent, which must commute."""
+    """Return the value after the effects on one fluent, which must commute."""
     kinds = {kind for kind, _ in changes}
     if kinds == {"assign"}:
         if len({to for _, to in changes}) > 1:

@@ -31,14 +31,14 @@ on_file = pytest.mark.parametrize("shared_url", ["sqlite-file"], indirect=True)
 
 
 def be_impatient(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wait for locks, and try again, for a moment only."""
+    """Wait for locks, and retry, only for a moment."""
     monkeypatch.setattr(retry, "RETRY_FOR", BOUND)
     monkeypatch.setattr(postgresql, "LOCK_TIMEOUT", "100ms")
 
 
 @contextmanager
 def held(url: str) -> Iterator[Callable[[], None]]:
-    """Hold the write lock of a store, as another process would; gives how to let go."""
+    """Hold the write lock of a store, as another process would; yield how to release it."""
     connection: Any
     if url.startswith("sqlite"):
         path = url.removeprefix("sqlite:///")
@@ -47,23 +47,23 @@ def held(url: str) -> Iterator[Callable[[], None]]:
     else:
         connection = psycopg.connect(url)
         for (kb_id,) in connection.execute("SELECT kb_id FROM head").fetchall():
-            # Of one shard of a cluster.
+            # On one shard of a cluster.
             connection.execute(f"SELECT * FROM head WHERE kb_id = {kb_id:d} FOR UPDATE")
     with closing(connection):
         yield connection.rollback
-        # The process of a server that only loses its client still holds the lock for a while.
+        # A server's process that merely loses its client still holds the lock for a while.
         connection.rollback()
 
 
 def change(url: str, *statements: str) -> None:
-    """Run statements that no call runs."""
+    """Run statements that no call of the library runs."""
     with kant_sql.open_store(url) as store, store.catalog._backend.open_session() as session:
         for statement in statements:
             session.define(statement)
 
 
 def terminate(url: str) -> int:
-    """End all connections to a database, as an administrator may; give how many there were."""
+    """End all connections to a database, as an administrator may; return their number."""
     with psycopg.connect(url, autocommit=True) as connection:
         ended = connection.execute(
             "SELECT pg_terminate_backend(pid, 5000) FROM pg_stat_activity"
@@ -100,7 +100,7 @@ each_write = pytest.mark.parametrize("work", WRITES.values(), ids=WRITES)
 
 
 def lose_at(monkeypatch: pytest.MonkeyPatch, url: str, method: str) -> None:
-    """Lose all connections just before a session next does something."""
+    """Lose all connections just before a session's next call of a method."""
     owner = PostgresqlSession if method == "insert" else Session
     original = getattr(owner, method)
     times = iter([url])
@@ -115,7 +115,7 @@ def lose_at(monkeypatch: pytest.MonkeyPatch, url: str, method: str) -> None:
 
 @contextmanager
 def closed_door(url: str) -> Iterator[Callable[[], None]]:
-    """Give how to end all connections to a database and to refuse new ones, until the end."""
+    """Yield a function that ends all connections to a database; refuse new ones in the block."""
     name = make_url(url).database
     elsewhere = make_url(url).set(database="postgres").render_as_string(hide_password=False)
     with psycopg.connect(elsewhere, autocommit=True) as connection:
@@ -132,7 +132,7 @@ def closed_door(url: str) -> Iterator[Callable[[], None]]:
 
 
 def lose_answer(monkeypatch: pytest.MonkeyPatch, commits: bool, also: Callable[[], object]) -> None:
-    """Lose the answer to the next COMMIT, with which the work was made or undone."""
+    """Lose the answer to the next COMMIT, which has or has not committed the work."""
     original = Session.commit
     times = iter([commits])
 
@@ -146,7 +146,7 @@ def lose_answer(monkeypatch: pytest.MonkeyPatch, commits: bool, also: Callable[[
     monkeypatch.setattr(Session, "commit", commit)
 
 
-# What a cell may hold that the library never writes.
+# Values of cells that the library never writes.
 VERIFIED_AT = "2026-03-02T14:00:00.000000Z"
 JUNK: tuple[Any, ...] = (
     *(None, -1, 0, 1, 2, 10**6, 2**62, -(2**63), 1.5, float("inf"), -0.0),
@@ -154,7 +154,7 @@ JUNK: tuple[Any, ...] = (
     *("{", "[]", "null", "2026-13-45T99:99:99.000000Z", "2026-01-31T09:30:00.000000Z"),
     *(b"", b"\xff\xfe", b"and"),
 )
-# SQLite takes any bytes for a text.
+# SQLite accepts any bytes as text.
 NO_UTF8 = "CAST(x'61ff62' AS TEXT)"
 
 
@@ -166,9 +166,9 @@ class Damage(NamedTuple):
 
     Attributes:
         table: the table.
-        column: the column; None for a row that is gone.
+        column: the column; None if the row is removed.
         key: the columns that name the row, and their values.
-        value: what stands in the cell, as SQL.
+        value: the new value of the cell, as SQL.
         parameters: its parameters.
     """
 
@@ -186,7 +186,7 @@ class Damage(NamedTuple):
             if self.column is None:
                 bare.execute(f"DELETE FROM {self.table} WHERE {which}", values)
                 return
-            # A key that is the table itself is never NULL.
+            # The key of a table without rowid is never NULL.
             with suppress(sqlite3.IntegrityError):
                 bare.execute(
                     f"UPDATE OR REPLACE {self.table} SET {self.column} = {self.value} "
@@ -203,14 +203,14 @@ def write_rich_story(path: Path) -> None:
         kb.load_problem(PROBLEM)
     with closing(sqlite3.connect(path, isolation_level=None)) as bare:
         unguard(bare)
-        # Damaged rows are what this story is for, so these need be true no more than others.
+        # This story is made for damage, so these values need not be true either.
         bare.execute("INSERT INTO verification VALUES (1, 1, 'x', ?, NULL)", (VERIFIED_AT,))
         bare.execute("INSERT INTO promotion VALUES (1, 999, 2, 1, 'sqlite:///robot.db', 'x')")
         bare.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
 
 def unguard(bare: sqlite3.Connection) -> None:
-    """Take away what refuses damage: NOT NULL, unique indexes and foreign keys."""
+    """Remove the guards against damage: NOT NULL, unique indexes and foreign keys."""
     bare.execute("PRAGMA writable_schema=ON")
     for name, sql in bare.execute(
         "SELECT name, sql FROM sqlite_master WHERE type = 'table' AND sql IS NOT NULL"
@@ -223,7 +223,7 @@ def unguard(bare: sqlite3.Connection) -> None:
 
 
 def damages(path: Path, seed: int) -> Iterator[Damage]:
-    """Give damages without end, each of a random cell; the same ones for the same seed."""
+    """Yield endless damages, each of a random cell; the same ones for the same seed."""
     chance = random.Random(seed)
     with closing(sqlite3.connect(path)) as bare:
         bare.text_factory = lambda raw: raw.decode(errors="replace")
@@ -262,7 +262,7 @@ def damages(path: Path, seed: int) -> Iterator[Damage]:
 
 
 def _key_of(bare: sqlite3.Connection, table: str) -> str:
-    """Give the columns that name a row: a few tables have no other number of it."""
+    """Return the columns that identify a row: a few tables have no rowid."""
     try:
         bare.execute(f"SELECT rowid FROM {table}")
     except sqlite3.OperationalError:
@@ -310,7 +310,7 @@ def _read_calls(kb: KnowledgeBase) -> Iterator[Call]:
 
 
 def _heavy_calls(kb: KnowledgeBase, url: str, archive: str) -> Iterator[Call]:
-    """What takes long, and what reads before it writes."""
+    """List slow calls, and calls that read before they write."""
     yield kb.store.verify
     yield lambda: kant_sql.operations.update_views(url)
     yield lambda: kb.store.archive(15, to=archive, dry_run=True)
@@ -322,7 +322,7 @@ def _heavy_calls(kb: KnowledgeBase, url: str, archive: str) -> Iterator[Call]:
 
 
 def errors_of_reading(url: str, archive: str | None = None) -> Iterator[Exception]:
-    """Call all that reads, and with an archive what writes, too; give what was raised."""
+    """Make all calls that read, and with an archive those that write; yield the raised errors."""
     try:
         kb = kant_sql.connect(url, knowledge_base=NAME, actor="reader")
     except Exception as error:

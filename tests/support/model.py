@@ -1,8 +1,8 @@
-"""A plain Python model of a knowledge base: what every store must answer, by none of its means.
+"""A plain Python model of a knowledge base: the answers of every store, without their means.
 
-It is written from what `kant_sql/dao/interfaces.py` states and is as simple as that allows: a state
-is a few dictionaries, a transaction copies them, and each revision is kept whole. `Model` looks
-like a `KnowledgeBase`, so that one program runs on both.
+It follows `kant_sql/dao/interfaces.py` as simply as possible: a state is a few dictionaries, a
+transaction copies them, and each revision is stored whole. `Model` has the interface of a
+`KnowledgeBase`, so one program runs on both.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ RESERVED = {
 
 
 def fold(name: str) -> str:
-    """Names that PDDL holds equal have the same key."""
+    """Return the key of a name: names that PDDL treats as equal have the same one."""
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
@@ -58,7 +58,7 @@ UNSEEN = frozenset(
 
 
 def reads_as_number(name: str) -> bool:
-    """`#t` is the time that passes; others are what Python takes for a number, digits in ASCII."""
+    """`#t` is the passing time; other words are numbers if Python reads them as such, in ASCII."""
     if name in ("#t", "#T"):
         return True
     try:
@@ -69,7 +69,7 @@ def reads_as_number(name: str) -> bool:
 
 
 def check_name(kind: str, name: str) -> None:
-    """PDDL text must be able to carry the name."""
+    """Refuse a name that PDDL text cannot contain."""
     if (
         not 1 <= len(name) <= 255
         or name == "-"
@@ -109,7 +109,7 @@ class Action(NamedTuple):
 
 
 class Scope(NamedTuple):
-    """What a redefinition or a deletion is about, by keys."""
+    """The elements that a redefinition or a deletion affects, by keys."""
 
     type: Collection[str] = ()
     object: Collection[str] = ()
@@ -117,9 +117,9 @@ class Scope(NamedTuple):
 
 
 class ModelState:
-    """What holds: type -> parent, object -> type, predicate -> types, action -> `Action`, atoms.
+    """The state: type -> parent, object -> type, predicate -> types, action -> `Action`, atoms.
 
-    `known` has every name that was ever known in its first spelling, oldest first.
+    `known` has every name that was ever known, in its first spelling, oldest first.
     """
 
     def __init__(self, origin: ModelState | None = None) -> None:
@@ -130,10 +130,10 @@ class ModelState:
             self.held = {kind: dict(part) for kind, part in origin.held.items()}
             self.known = {kind: dict(part) for kind, part in origin.known.items()}
 
-    # Saving: `define` makes an element what a DTO says, `refer` finds what one refers to.
+    # Saving: `define` defines the element of a DTO, `refer` finds the element that one refers to.
 
     def define(self, kind: str, dto: Any, cascade: bool = False) -> bool:
-        """Tell whether that is a change."""
+        """Define an element; return whether that is a change."""
         if kind == "atom":
             value, name = None, ""
             key: Any = self._atom(dto)
@@ -151,7 +151,7 @@ class ModelState:
         return changes
 
     def refer(self, kind: str, dto: Any) -> str:
-        """What is missing is saved along; what is there must agree."""
+        """Find an element, or save a missing one; an existing one must agree."""
         key = fold(dto.name)
         if kind == "type":
             self._refer_from_the_top(dto)
@@ -169,7 +169,7 @@ class ModelState:
         return key
 
     def _refer_from_the_top(self, dto: PddlTypeDto) -> None:
-        """A parent must agree only when it is given; all that say nothing are under the root."""
+        """Check a parent only if it is given; types without a parent are under the root."""
         self._check_chain(dto)
         chain, above = [dto], dto.parent
         while above is not None and (above.parent is not None or chain[-1] not in self):
@@ -287,10 +287,10 @@ class ModelState:
         if kind == "type" and key in self._ancestry(value):
             raise TypeCycleError
 
-    # What depends on what.
+    # Dependencies.
 
     def below(self, types: Collection[str]) -> Scope:
-        """The types with their subtypes, and what is defined in terms of them."""
+        """Return the types with their subtypes, and the definitions that mention them."""
         found = {each for each in self.held["type"] if {*types} & {*self._ancestry(each)}}
         return Scope(
             found,
@@ -320,7 +320,7 @@ class ModelState:
         self._forget("action", actions)
 
     def remove(self, kind: str, keys: Collection[Any]) -> None:
-        """Delete elements, and all that depends on them."""
+        """Delete elements, and all elements that depend on them."""
         if kind in ("atom", "action"):
             self._forget(kind, keys)
         else:
@@ -340,7 +340,7 @@ def atom_of(dto: PddlPropositionDto) -> Atom:
 
 
 def key_of(kind: str, dto: Any) -> Any:
-    """What makes an element the one that it is."""
+    """Return the identity of an element."""
     return atom_of(dto) if kind == "atom" else fold(dto.name)
 
 
@@ -386,7 +386,7 @@ def _action_dto(state: ModelState, name: str, action: Action) -> PddlActionDto:
 
 
 def lines_of(state: ModelState) -> dict[tuple[str, Any], tuple[str, str]]:
-    """The kind and the PDDL text of each element that holds."""
+    """Return the kind and the PDDL text of each element that holds."""
     return {
         (kind, key): (
             kind if kind != "atom" else "goal" if key.is_goal else "fact",
@@ -459,7 +459,7 @@ class ModelDao:
 
 
 class Model:
-    """A knowledge base, at its head or as it was at a revision."""
+    """A knowledge base, at its head or at an earlier revision."""
 
     def __init__(self, states: list[ModelState] | None = None) -> None:
         self._is_past = states is not None
@@ -476,7 +476,7 @@ class Model:
         return len(self._states) - 1
 
     def changes(self) -> list[list[tuple[str, str, str]]]:
-        """What each revision changed, oldest first."""
+        """Return the changes of each revision, oldest first."""
         return self._log
 
     def at(self, revision: int) -> Model:
@@ -513,5 +513,5 @@ class Model:
             self._states.append(ModelState(self.state))
             self._log.append(sorted(changes))
         else:
-            # Nothing is remembered of a transaction that changed nothing.
+            # A transaction that changed nothing leaves no trace.
             self.state = ModelState(self._states[-1])

@@ -8,7 +8,7 @@ from types import ModuleType
 
 import kant_sql
 
-# The only modules that import rclpy, which comes with ROS 2 and not from an index of packages.
+# The only modules that import rclpy, which comes with ROS 2, not from a package index.
 NODE = ("kant_sql.ros.node", "kant_sql.ros.skills")
 
 

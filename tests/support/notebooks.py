@@ -1,4 +1,4 @@
-"""What notebooks show, looked at as HTML: only tables and text, however hostile what is stored."""
+"""Checks notebook HTML: only tables and text, however hostile the stored data is."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class _Tags(HTMLParser):
 
 
 def check_harmless(made: str, *, most: int = 300_000) -> None:
-    """Check that HTML for notebooks has only our own tags, nothing unseen, and is bounded."""
+    """Check that HTML for notebooks has only our own tags, nothing hidden, and is bounded."""
     parser = _Tags()
     parser.feed(made)
     parser.close()

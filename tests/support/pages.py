@@ -22,7 +22,7 @@ class Page:
     """A page of the docs.
 
     Attributes:
-        text: all of it.
+        text: its whole text.
         blocks: language and text of each code block, in order.
     """
 
@@ -33,7 +33,7 @@ class Page:
         )
 
     def of(self, language: str) -> list[str]:
-        """Give the code blocks of one language."""
+        """Return the code blocks in one language."""
         return [block for named, block in self.blocks if named == language]
 
 
@@ -41,7 +41,7 @@ class Opened(NamedTuple):
     """A store, opened without the library.
 
     Attributes:
-        dialect: what the docs call its dialect.
+        dialect: its dialect's name in the docs.
         execute: runs SQL with parameters such as `:name`.
     """
 
@@ -73,7 +73,7 @@ Ask = Callable[[str], list[str]]
 
 
 def shown(value: object) -> str:
-    """Show a value the same whichever database it comes from."""
+    """Show a value in the same form for each database."""
     if value is None:
         return "NULL"
     if isinstance(value, datetime):
@@ -82,7 +82,7 @@ def shown(value: object) -> str:
 
 
 def ask(url: str, sql: str) -> list[str]:
-    """Run a query, and show each of its rows on a line."""
+    """Run a query, and show each row on a line."""
     return [" | ".join(map(shown, row)) for row in rows_of(url, sql)]
 
 

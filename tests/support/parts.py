@@ -1,4 +1,4 @@
-"""The parts of a knowledge base by their paths, as `pddl.metric`; parts of documents as DTOs."""
+"""The parts of a knowledge base by paths such as `pddl.metric`; parts of documents as DTOs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from kant_sql import (
 from kant_sql.knowledge_base import Operations, PddlParts
 from kant_sql.pddl import Action, Function, Predicate
 
-# What is behind an attribute of its own.
+# The classes of objects behind attributes.
 FRONTS: dict[str, type] = {"": KnowledgeBase, "pddl": PddlParts, "store": Operations}
 
 
@@ -34,17 +34,17 @@ def _daos() -> Iterator[tuple[str, type]]:
 
 
 DAOS = dict(_daos())
-# All that methods are called of.
+# All objects with methods to call.
 PATHS = [*FRONTS, *DAOS]
 
 
 def part(of: Any, path: str) -> Any:
-    """The part of a knowledge base, or of one for asyncio, at a path."""
+    """Return the part of a knowledge base, or of an asynchronous one, at a path."""
     return attrgetter(path)(of) if path else of
 
 
 def dao_of(kb: Any, name: str) -> Any:
-    """The DAO of a name, which may be one of the rarer parts of PDDL."""
+    """Return the DAO with a name, even of a rarer part of PDDL."""
     return getattr(kb if hasattr(kb, name) else kb.pddl, name)
 
 

@@ -1,4 +1,4 @@
-"""PgBouncer of the tests' own, before a PostgreSQL server of the tests' own."""
+"""A PgBouncer for the tests, before a PostgreSQL server for the tests."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def find_pgbouncer() -> str:
 
 
 class Pooler:
-    """PgBouncer on a socket in a folder of its own."""
+    """PgBouncer on a socket in its own folder."""
 
     def __init__(self, server: Server, **settings: str) -> None:
         self._command = [find_pgbouncer(), "-q"]
@@ -83,12 +83,12 @@ class Pooler:
             time.sleep(0.02)
 
     def url(self, direct: str, **options: str) -> str:
-        """Return the URL of a database through it, from that on the server."""
+        """Return the URL of a database through it, from the direct one."""
         query = {"host": str(self._folder), "port": str(PORT), **options}
         return make_url(direct).set(query=query).render_as_string(hide_password=False)
 
     def ask(self, command: str) -> list[tuple[object, ...]]:
-        """Run a command of its administrators."""
+        """Run a command of its administration console."""
         address = f"host={self._folder} port={PORT} user=postgres dbname=pgbouncer"
         with psycopg.connect(address, autocommit=True) as connection:
             cursor = connection.execute(command.encode())
@@ -101,6 +101,6 @@ class Pooler:
         (self._folder / f".s.PGSQL.{PORT}").unlink(missing_ok=True)
 
     def stop(self) -> None:
-        """Stop it for good."""
+        """Stop it."""
         self.kill()
         shutil.rmtree(self._folder, ignore_errors=True)

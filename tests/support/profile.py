@@ -1,4 +1,4 @@
-"""How many examples and samples the tests run.
+"""The numbers of examples and samples in a test run.
 
 `KANT_SQL_TEST_PROFILE` is `quick`, `default` or `long`. `KANT_SQL_TEST_EXAMPLES=5000` sets the
 examples of each property test, seeds them at random and shrinks what fails.

@@ -1,6 +1,6 @@
-"""What tests read of a knowledge base to compare it: its state, its log, and its very rows.
+"""Reads a knowledge base for comparisons: its state, its log, and its rows.
 
-And what they do to it that has to leave no trace there.
+It also makes calls that must leave no trace.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ E = TypeVar("E", bound=Exception)
 
 
 def present(found: T | None) -> T:
-    """Check that something was found, and give it."""
+    """Check that something was found, and return it."""
     assert found is not None
     return found
 
 
 def loaded(kb: KnowledgeBase, domain: str, problem: str) -> KnowledgeBase:
-    """Load a domain and a problem of it, each as a revision; give the knowledge base."""
+    """Load a domain and one of its problems, as two revisions; return the knowledge base."""
     kb.load_domain(domain)
     kb.load_problem(problem)
     return kb
 
 
 def documents(kb: KnowledgeBase) -> tuple[str, str]:
-    """The texts of its domain and its problem."""
+    """Return the texts of its domain and its problem."""
     return kb.domain_pddl(), kb.problem_pddl()
 
 
@@ -52,19 +52,19 @@ class SameStore(SqlDaoFactory):
 
 
 def store_of(kb: KnowledgeBase) -> Store:
-    """The store of a knowledge base."""
+    """Return the store of a knowledge base."""
     factory = kb.store.factory
     assert isinstance(factory, SqlDaoFactory)
     return factory._store
 
 
 def beside(kb: KnowledgeBase, name: str, actor: str | None = "test") -> KnowledgeBase:
-    """Another knowledge base in the same store, even in one in memory, on the same connections."""
+    """Return another knowledge base in the same store, even in memory, on the same connections."""
     return KnowledgeBase(SameStore(kb.store.factory, name, actor))
 
 
 def state(kb: KnowledgeBase) -> State:
-    """All that holds, as PDDL text, in the order in which it is read."""
+    """Return everything that holds, as PDDL text, in the order of reading."""
     return {
         "types": [str(dto) for dto in kb.types.get_all()],
         "objects": [str(dto) for dto in kb.objects.get_all()],
@@ -76,18 +76,18 @@ def state(kb: KnowledgeBase) -> State:
 
 
 def facts(kb: KnowledgeBase) -> list[str]:
-    """The facts that hold, sorted."""
+    """Return the facts that hold, sorted."""
     return sorted(str(dto) for dto in kb.propositions.get_all())
 
 
 def last_changes(kb: KnowledgeBase) -> list[str]:
-    """The change lines of the last revision."""
+    """Return the change lines of the last revision."""
     return [" ".join(change) for change in next(iter(kb.log(limit=1))).changes]
 
 
 def rows(kb: KnowledgeBase, sql: str) -> list[tuple[Any, ...]]:
-    """What a SELECT over the rows of one knowledge base gives; `:kb` is its id."""
-    # There is no other way into a store in memory.
+    """Return the rows of a SELECT on one knowledge base, whose id is `:kb`."""
+    # There is no other access to a store in memory.
     store: Any = kb.store.factory._store  # type: ignore[attr-defined]
     with store.backend.engine.connect() as connection:
         id_ = connection.scalar(
@@ -97,7 +97,7 @@ def rows(kb: KnowledgeBase, sql: str) -> list[tuple[Any, ...]]:
 
 
 def versions(kb: KnowledgeBase, kind: str) -> list[tuple[str, int, int | None]]:
-    """Text, since and until of every version of one kind, oldest first."""
+    """Return text, since and until of every version of one kind, oldest first."""
     if kind == "proposition":
         found = rows(
             kb,
@@ -113,7 +113,7 @@ def versions(kb: KnowledgeBase, kind: str) -> list[tuple[str, int, int | None]]:
 
 @contextmanager
 def nothing_changes(kb: KnowledgeBase) -> Iterator[None]:
-    """Check that a block leaves state and head as they were."""
+    """Check that a block does not change state and head."""
     before, revision = state(kb), kb.revision
     yield
     assert state(kb) == before
@@ -123,7 +123,7 @@ def nothing_changes(kb: KnowledgeBase) -> Iterator[None]:
 def refuses(
     kb: KnowledgeBase, error: type[E], call: Callable[..., object], *arguments: object
 ) -> E:
-    """Check that a call raises an error of just this class and leaves nothing behind; give it."""
+    """Check that a call raises an error of exactly this class and leaves no trace; return it."""
     with nothing_changes(kb), pytest.raises(error) as caught:
         call(*arguments)
     assert type(caught.value) is error
@@ -131,19 +131,19 @@ def refuses(
 
 
 class Undone(Exception):
-    """What ends a transaction that is to fail."""
+    """Ends a transaction that must fail."""
 
 
 @contextmanager
 def undone(kb: KnowledgeBase) -> Iterator[None]:
-    """A transaction that fails at its end, so that nothing of it has happened."""
+    """Run a transaction that fails at its end, so nothing of it has happened."""
     with suppress(Undone), kb.transaction():
         yield
         raise Undone
 
 
 def findings(url: str) -> list[Finding]:
-    """What verification finds wrong in a store: nothing, when nobody has tampered with it."""
+    """Return the findings of a verification: none, unless somebody has tampered with the store."""
     found: list[Finding] = []
     for name in every_name(url):
         with kant_sql.connect(url, knowledge_base=name) as kb:

@@ -1,4 +1,4 @@
-"""Knowledge bases whose DAOs are those of a server; all other questions go to its store."""
+"""Knowledge bases with the DAOs of a server; all other questions go to its store."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from kant_sql.web.tokens import TokenFile
 from tests.support.reading import SameStore
 from tests.support.serving import running
 
-# As the tests of DAOs write.
+# The actor of the DAO tests.
 ACTOR = "test"
 
 
 class Served(NamedTuple):
-    """A store that a server writes to, and where the server is."""
+    """A store that a server writes to, and the server's address."""
 
     url: str
     address: str
@@ -26,7 +26,7 @@ class Served(NamedTuple):
     secret: str
 
     def at(self, name: str, secret: str | None = None) -> str:
-        """The URL of a knowledge base, with a token."""
+        """Return the URL of a knowledge base, with a token."""
         return f"{self.address.replace('://', f'://:{secret or self.secret}@')}/{name}"
 
 
@@ -40,7 +40,7 @@ def served(url: str, folder: Path, certificate: Path | None = None) -> Iterator[
 
 
 class _MixedFactory(SameStore):
-    """The DAOs of a server, on its store; a test that needs what they lack is skipped."""
+    """The DAOs of a server, on its store; tests that need missing methods are skipped."""
 
     remote: DaoFactory
 
@@ -61,7 +61,7 @@ for _name in DaoFactory.__abstractmethods__ - {"__init__", "create_plan_dao"}:
 
 
 def beside(server: Served, first: KnowledgeBase, name: str) -> KnowledgeBase:
-    """A knowledge base of a server; `first` is another one of the same store."""
+    """Return a knowledge base of a server; `first` is another one of the same store."""
     mixed = _MixedFactory(first.store.factory, name, ACTOR)
     mixed.remote = kant_sql.create_dao_factory(server.at(name.replace(" ", "%20")))
     return KnowledgeBase(mixed)

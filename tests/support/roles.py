@@ -1,4 +1,4 @@
-"""A store with all that roles have rights on, and what their members must not do there."""
+"""A store with everything that roles have rights on, and forbidden statements of their members."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ TABLES = list(Base.metadata.tables.values())
 MINE, OTHER = "Rosie's", "tiago"
 MINE_ID = 1
 
-# Of each construct that has a table of its own, one.
+# One of each construct that has its own table.
 DOMAIN = """
 (define (domain depot)
   (:types truck crane place - object lorry - (either truck crane))
@@ -44,7 +44,7 @@ PROBLEM = """
 # With a node, a term, a number and a variable of either of two types.
 RULE = "(sometime (exists (?w - (either place crane)) (and (open ?w) (= (fuel t1) 3))))"
 MOVED = PROBLEM.replace("(at t1 p1)", "(at t1 p2)").replace("7.50", "5").replace(" t2", "")
-# Of these only the rows matter here.
+# For these, only the rows matter here.
 BY_HAND = """
 INSERT INTO plan (kb_id, id, since, revision, problem_hash, text)
     SELECT kb_id, 9001, revision, 2, 'hash', 'plan' FROM head;
@@ -92,7 +92,7 @@ class Members(NamedTuple):
 
 
 def fill(kb: KnowledgeBase) -> None:
-    """Write some revisions in which things come, change and go."""
+    """Write some revisions in which elements come, change and go."""
     kb.load_domain(DOMAIN)
     kb.load_problem(PROBLEM)
     kb.rules.save("moved", RULE)
@@ -102,20 +102,20 @@ def fill(kb: KnowledgeBase) -> None:
 
 
 def say(kb: KnowledgeBase) -> None:
-    """Write what was so in a period that is over: a revision of its own."""
+    """State the facts of a past period, in one revision."""
     with kb.transaction(valid_from="2026-01-31T09:00:00Z", valid_until="2026-01-31T10:00:00Z"):
         kb.propositions.save("(at t1 p1)")
         kb.function_values.set("(fuel t1)", value=2)
 
 
 def as_form_1(url: str) -> None:
-    """Let all revisions be of form 1, so that the tables can be downgraded."""
+    """Give all revisions form 1, so the tables can be downgraded."""
     with psycopg.connect(url) as owner:
         owner.execute("UPDATE revision SET form = 1, seed = NULL")
 
 
 def fill_store(url: str) -> None:
-    """Make tables, and put rows of two knowledge bases into each of them."""
+    """Create tables, and fill each with rows of two knowledge bases."""
     kant_sql.upgrade(url)
     for name in (MINE, OTHER):
         with closing(kant_sql.connect(url, knowledge_base=name, actor="owner")) as kb:
@@ -128,7 +128,7 @@ def fill_store(url: str) -> None:
 
 @contextmanager
 def members(url: str, roles: Roles) -> Iterator[Members]:
-    """Let users of this process's own be members of roles for a while."""
+    """Make users of this process members of roles for a while."""
     names = {role: f"user_{os.getpid()}_{next(_numbers)}" for role in roles[:4] if role}
     with psycopg.connect(url, autocommit=True) as owner:
         for role, user in names.items():
@@ -141,17 +141,17 @@ def members(url: str, roles: Roles) -> Iterator[Members]:
 
 
 def as_user(url: str, user: str) -> str:
-    """The URL with another user."""
+    """Return the URL with another user."""
     return make_url(url).set(username=user, password=None).render_as_string(hide_password=False)
 
 
 def named(statement: str, *identifiers: str) -> sql.Composed:
-    """A statement with identifiers in the places of `{}`."""
+    """Return a statement with identifiers in place of `{}`."""
     return sql.SQL(statement).format(*map(sql.Identifier, identifiers))
 
 
 def contents(url: str) -> Contents:
-    """All rows of all tables, as a user sees them."""
+    """Return all rows of all tables, as a user sees them."""
     with psycopg.connect(url) as connection:
         return {
             table.name: connection.execute(named(_ALL_ROWS, table.name)).fetchall()
@@ -160,7 +160,7 @@ def contents(url: str) -> Contents:
 
 
 def refused(connection: psycopg.Connection[Any], statement: sql.Composed | str) -> bool:
-    """Whether a statement is refused, in a transaction of its own; else it has been committed."""
+    """Return whether a statement is refused, in its own transaction; otherwise it is committed."""
     try:
         connection.execute(statement)
     except REFUSALS:
@@ -169,7 +169,7 @@ def refused(connection: psycopg.Connection[Any], statement: sql.Composed | str) 
 
 
 def mutations(table: Table, server_version: int) -> Iterator[sql.Composed]:
-    """Statements each of which would change or remove what is in a table, or the table."""
+    """Yield statements that would change or remove rows of a table, or the table."""
     merge = "MERGE INTO {} AS t USING (SELECT 1) AS s ON true WHEN MATCHED THEN DELETE"
     for statement in (
         "DELETE FROM {}",
@@ -209,18 +209,18 @@ def _other_values(column: Column[Any]) -> tuple[str, ...]:
 
 
 def query(url: str, statement: str, *identifiers: str) -> list[tuple[Any, ...]]:
-    """What a query gives; identifiers are in the places of `{}`."""
+    """Return the rows of a query; identifiers replace `{}`."""
     with psycopg.connect(url) as connection:
         return connection.execute(named(statement, *identifiers)).fetchall()
 
 
 def rows_of(url: str, relation: str) -> list[tuple[Any, ...]]:
-    """All rows that a user sees of a table or a view."""
+    """Return all rows of a table or a view that a user sees."""
     return query(url, _ALL_ROWS, relation)
 
 
 def views(url: str, schema: str = "public") -> list[str]:
-    """The views for auditors in a schema."""
+    """Return the views for auditors in a schema."""
     found = query(
         url,
         "SELECT relname FROM pg_class WHERE relkind = 'v' AND relnamespace = "

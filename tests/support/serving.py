@@ -25,9 +25,9 @@ def running(
     tokens: TokenFile | None = None,
     certificate: Path | None = None,
 ) -> Iterator[str]:
-    """Serve a store, with further pages, until the block ends; give the address.
+    """Serve a store, with additional pages, until the block ends; yield the address.
 
-    With a certificate and its key in one file, it speaks TLS, as a proxy in front of it does.
+    With a certificate and its key in one file, it speaks TLS, like a proxy in front of it.
     """
     server, _ = make_server(url, port=port, tokens=tokens)
     app = server.config.app

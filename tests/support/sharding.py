@@ -1,7 +1,7 @@
-"""Which tables a statement leaves without a knowledge base: Citus looks for them in all shards.
+"""The tables that a statement does not restrict to a knowledge base: Citus reads all shards.
 
-Citus sends a statement to one shard if each distributed table in it has `kb_id = :kb`, or equals in
-a join one that has. It follows no correlation: in a subquery, `x.kb_id = outer.kb_id` says nothing.
+Citus sends a statement to one shard if each distributed table in it has `kb_id = :kb`, or a join
+with one that has. It ignores correlations: `x.kb_id = outer.kb_id` in a subquery does not count.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from kant_sql.sql.query import Insert, Query
 from kant_sql.sql.tables import TABLES
 from tests.support.modules import import_all
 
-# On each node, a copy of them all.
+# Each node has a full copy of these.
 REFERENCE = {"knowledge_base"}
 DISTRIBUTED = {name for name in TABLES if name not in REFERENCE} | {*AUDIT_VIEWS}
-# What concerns all knowledge bases, or finds one by its name.
+# Statements about all knowledge bases, or that find one by its name.
 OF_ALL = {
     "kant_sql.history.anchors._HEADS",
     "kant_sql.history.replication.service._HEADS",
@@ -40,7 +40,7 @@ OF_ALL = {
 }
 DIALECT = create_backend("postgresql://").dialect
 T = TypeVar("T")
-# How deep in a constant a statement is looked for.
+# The depth to which constants are searched for statements.
 DEEPEST = 6
 
 _PARENTHESES = re.compile(r"\(([^()]*)\)")
@@ -55,7 +55,7 @@ _STRING = re.compile(r"'(?:[^']|'')*'")
 
 
 def unbound(sql: str) -> list[str]:
-    """Give the tables of a statement that are not held to one knowledge base, and their aliases."""
+    """Return the tables of a statement, with aliases, without a single knowledge base."""
     found: list[str] = []
     text = _STRING.sub("''", " ".join(sql.split())).replace("%(kb)s::BIGINT", ":kb")
     text = re.sub(r"%\((\w+)\)s", r":\1", text).replace('"', "")
@@ -70,7 +70,7 @@ def unbound(sql: str) -> list[str]:
 
 
 def _unbound_in(text: str) -> Iterator[str]:
-    """Look at one query, in which those within it are blanked."""
+    """Check one query; queries within it are blanked."""
     for part in _PARTS.split(text):
         tables = {
             alias or name: name
@@ -88,12 +88,12 @@ def _unbound_in(text: str) -> Iterator[str]:
 
 
 def every_query() -> list[tuple[str, Query]]:
-    """Give all statements that are constants of a module, with its name and theirs."""
+    """Return all statements that are constants of a module, with the names of both."""
     return [*_constants(Query)]
 
 
 def every_insert() -> list[Insert]:
-    """Give all that rows are inserted by, of the constants of modules."""
+    """Return all inserts among the constants of modules."""
     return [found for _, found in _constants(Insert)]
 
 
@@ -110,7 +110,7 @@ def _constants(kind: type[T]) -> Iterator[tuple[str, T]]:
 
 
 def _within(value: Any, kind: type[T], depth: int) -> Iterator[T]:
-    """Find what is of a kind in a constant."""
+    """Yield the parts of a constant that have a type."""
     inside: Iterable[Any] = ()
     if isinstance(value, kind):
         yield value

@@ -1,4 +1,4 @@
-"""The statements that a call runs, as the log has them; and calls to be looked at by them."""
+"""The statements that a call runs, by the log; and calls to check by their statements."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ READS: dict[str, Call] = {
     "actions.get": lambda kb: kb.actions.get("navigation"),
     "actions.get_all": lambda kb: kb.actions.get_all(),
 }
-# Of a knowledge base with distances, too.
+# These also need a knowledge base with distances.
 VALUE_READS: dict[str, Call] = {
     "function_values.get_all": lambda kb: kb.function_values.get_all(),
     "function_values.get_by_function": lambda kb: kb.function_values.get_by_function("distance"),
@@ -50,25 +50,25 @@ class _Recorder(logging.Handler):
         self.statements: list[str] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        # Pools of connections log below the same name.
+        # Connection pools log under the same name.
         sql: str | None = getattr(record, "sql", None)
         if sql is not None and not is_bracket(sql):
             self.statements.append(sql)
 
 
 def is_bracket(sql: str) -> bool:
-    """Whether it only begins or ends a transaction."""
+    """Return whether it only begins or ends a transaction."""
     return sql.startswith(("BEGIN", "COMMIT")) or sql == "ROLLBACK"
 
 
 @contextmanager
 def recorded() -> Iterator[list[str]]:
-    """Give the statements of a block, besides BEGIN, COMMIT and ROLLBACK."""
+    """Yield the statements of a block, without BEGIN, COMMIT and ROLLBACK."""
     logger, recorder = logging.getLogger("kant_sql.sql"), _Recorder()
     level, execute = logger.level, Session._execute
 
     def log(self: Session, statement: str | Query, parameters: Any = ()) -> None:
-        # In a transaction that is open already, too.
+        # Even in a transaction that is already open.
         self.is_logged = True
         execute(self, statement, parameters)
 
@@ -90,7 +90,7 @@ def count(call: Callable[[], Any]) -> int:
 
 
 def fill(kb: KnowledgeBase, size: int) -> None:
-    """Give a knowledge base an action, and so many facts and half as many goals."""
+    """Save an action, some facts, and half as many goals, in a knowledge base."""
     kb.actions.save(navigation())
     with kb.transaction():
         kb.propositions.save_all(robot_at(RB1, waypoint(number)) for number in range(size))
@@ -109,13 +109,13 @@ class Statement(NamedTuple):
 
 
 def text_of(session: Session, statement: str | Query) -> str:
-    """Give the text of what a session executes."""
+    """Return the text of a statement that a session executes."""
     return statement if isinstance(statement, str) else statement.text(session.backend.dialect)
 
 
 @contextmanager
 def seen() -> Iterator[list[Statement]]:
-    """Give the statements of a block with their parameters; of a batch, the first row's."""
+    """Yield the statements of a block with their parameters; for a batch, the first row's."""
     statements: list[Statement] = []
     execute, execute_many = Session._execute, Session._execute_many
 
@@ -136,7 +136,7 @@ def seen() -> Iterator[list[Statement]]:
 
 
 def explain(url: str, statement: Statement) -> list[str]:
-    """Give the plan of a statement, in a connection of its own: a line for each step."""
+    """Return the plan of a statement, in its own connection: a line for each step."""
     if url.startswith("sqlite"):
         with closing(sqlite3.connect(url.removeprefix("sqlite:///"))) as lite:
             rows = lite.execute(f"EXPLAIN QUERY PLAN {statement.sql}", statement.parameters)
@@ -147,11 +147,11 @@ def explain(url: str, statement: Statement) -> list[str]:
 
 
 def work(url: str, statement: Statement) -> float:
-    """Run a statement and undo it; count what it visits.
+    """Run a statement and undo it; count its work.
 
     Returns:
-        The steps of SQLite's virtual machine, or how many rows the busiest step of PostgreSQL's
-        plan looked at.
+        The steps of SQLite's virtual machine, or the number of rows that the busiest step of
+        PostgreSQL's plan read.
     """
     if url.startswith("sqlite"):
         steps = itertools.count()

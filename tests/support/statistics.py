@@ -1,7 +1,7 @@
-"""Statistics of an SQLite file, and what SQLite 3.34 to 3.41 answers wrong where it has them.
+"""Statistics of an SQLite file, and the wrong answers of SQLite 3.34 to 3.41 with them.
 
-There an index may be stepped through from one value of an `IN` to the next (opcode SeekScan, right
-since 3.42), and a bound of the column after it is lost: see `bounded` in `sql/dialects/words.py`.
+There, an index may be stepped through from one value of an `IN` to the next (opcode SeekScan,
+correct since 3.42), losing a bound on the next column: see `bounded` in `sql/dialects/words.py`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from contextlib import closing, suppress
 from pathlib import Path
 
 # Rows in a store of many small knowledge bases, and rows that agree in the first columns of an
-# index: SQLite steps where few rows do.
+# index: SQLite steps if few rows do.
 FLEET = (1_000_000, 20, 2)
 _INDEXES = "SELECT name, tbl_name FROM sqlite_master WHERE type = 'index'"
 _PLANNED = ("SELECT", "WITH", "UPDATE", "DELETE")
@@ -37,9 +37,9 @@ def add_statistics(path: Path) -> None:
 
 
 def loses_bound(connection: sqlite3.Connection, sql: str) -> bool:
-    """Whether a statement steps through an index with a bound of the column after an `IN`."""
+    """Return whether a statement steps through an index with a bound on the column after `IN`."""
     steps = []
-    # What is not a statement of this store is of another dialect, or of views that a test makes.
+    # Other statements are in another dialect, or about views that a test makes.
     with suppress(sqlite3.OperationalError):
         if sql.lstrip().startswith(_PLANNED):
             steps = connection.execute(f"EXPLAIN {sql}", _Nulls()).fetchall()
@@ -47,7 +47,7 @@ def loses_bound(connection: sqlite3.Connection, sql: str) -> bool:
     for (scan, *_), (_, _, _, *key), (end, _, _, *last) in zip(
         opcodes, opcodes[1:], opcodes[2:], strict=False
     ):
-        # Without a bound, the end of the rows is at once compared with the key that was sought.
+        # Without a bound, the end of the rows is immediately compared with the sought key.
         if scan == "SeekScan" and (end not in ("IdxGT", "IdxGE") or key != last):
             return True
     return False

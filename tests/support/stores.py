@@ -1,4 +1,4 @@
-"""Fresh stores on each backend, and migrations that take no longer than the database needs."""
+"""Fresh stores on each backend, and migrations that are as fast as the database."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.support.servers import Server
 from tests.support.statistics import add_statistics
 
 BACKENDS = ("sqlite-file", "sqlite-memory", "postgresql")
-# A distributed store, where there is a cluster for tests.
+# A distributed store, if there is a cluster for tests.
 CITUS = ("citus",) if citus_url() else ()
 LOOKS = ("SELECT", "PRAGMA", "WITH")
 Statement = tuple[str, Any, bool]
@@ -47,7 +47,7 @@ def _migrated_file() -> bytes:
 
 
 def new_file_store(path: Path) -> str:
-    """Make a file with tables and statistics, as a copy of one that was migrated; give its URL."""
+    """Make a file with tables and statistics, as a copy of a migrated one; return its URL."""
     path.write_bytes(_migrated_file())
     return f"sqlite:///{path}"
 
@@ -61,7 +61,7 @@ def make_store_url(request: pytest.FixtureRequest, backend: str, tmp_path: Path)
     if backend == "postgresql":
         server: Server = request.getfixturevalue("server")
         new = server.new_store()
-        # One of the session may end after the server, which throws it away.
+        # A store of the session may end after the server, which discards it anyway.
         if request.scope != "session":
             request.addfinalizer(lambda: server.drop_database(new))
         return new
@@ -77,10 +77,10 @@ def make_store_url(request: pytest.FixtureRequest, backend: str, tmp_path: Path)
 
 
 class Migrations:
-    """What takes the place of `schema._upgrade`.
+    """Replaces `schema._upgrade`.
 
-    An empty database is migrated by the statements that migrated one before: Alembic needs longer
-    to make them out than the database to run them. A store in memory is a copy.
+    An empty database is migrated with the statements that migrated an earlier one: Alembic takes
+    longer to generate them than the database to run them. A store in memory is a copy.
     """
 
     def __init__(self) -> None:
@@ -88,7 +88,7 @@ class Migrations:
         self._image: bytes | None = None
 
     def upgrade(self, backend: Backend, revision: str) -> None:
-        """Bring the tables to a version: by Alembic, unless there are none and it is known how."""
+        """Upgrade the tables: by Alembic, unless there are none and the statements are known."""
         if revision == "head" and isinstance(backend, SqliteBackend) and backend.in_memory:
             self._copy(backend)
         else:

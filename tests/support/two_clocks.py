@@ -1,8 +1,8 @@
-"""What was true when, as known when: a list of sayings and of plain changes, replayed.
+"""The truth at a time, as known at a time: a list of sayings and plain changes, replayed.
 
-A saying names an element, what it was, a period, and the revision that said so. A plain change is
-the same from its revision on. The content of a fact is True or False, and of a fluent its value,
-as text, or None.
+A saying has an element, its content, a period, and its revision. A plain change has the content
+from its revision on. The content of a fact is True or False; that of a fluent is its value, as
+text, or None.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FLUENTS = tuple(
 
 
 class Saying(NamedTuple):
-    """What was said of a period by a revision."""
+    """A statement about a period by a revision."""
 
     element: str
     content: Content
@@ -42,7 +42,7 @@ class Saying(NamedTuple):
 
 
 class Plain(NamedTuple):
-    """What is so from a revision on."""
+    """A content from a revision on."""
 
     element: str
     content: Content
@@ -51,14 +51,14 @@ class Plain(NamedTuple):
 
 @dataclass
 class Model:
-    """All that was ever said, and the times of the revisions, the first at 1."""
+    """All sayings and changes, and the times of the revisions, the first at 1."""
 
     sayings: list[Saying] = field(default_factory=list)
     plain: list[Plain] = field(default_factory=list)
     times: dict[int, datetime] = field(default_factory=dict)
 
     def truth(self, element: str, valid: datetime, known: int) -> Content:
-        """What an element was at a time, as known at a revision."""
+        """Return the content of an element at a time, as known at a revision."""
         for one in reversed(self.sayings):
             is_known = one.element == element and one.since <= known
             if is_known and one.valid_from <= valid < one.valid_until:
@@ -67,14 +67,14 @@ class Model:
         return self.then(element, min(known, max(begun, default=0)))
 
     def then(self, element: str, revision: int) -> Content:
-        """What an element was at a revision, as plain changes say."""
+        """Return the content of an element at a revision, by plain changes."""
         for one in reversed(self.plain):
             if one.element == element and one.since <= revision:
                 return one.content
         return False if element in FACTS else None
 
     def moments(self) -> list[datetime]:
-        """Every time at which something may change, and those right beside it."""
+        """Return every time of a possible change, and the times right beside it."""
         ends = {end for one in self.sayings for end in one[2:4]} | {*self.times.values()}
         beside = (timedelta(0), timedelta(microseconds=1), timedelta(microseconds=-1))
         return sorted({end + by for end in ends for by in beside})
@@ -103,7 +103,7 @@ class Writer:
         return self.model
 
     def step(self) -> None:
-        """Write one revision: of now, of a period, or of the time from one on."""
+        """Write one revision: about now, about a period, or about the time from one on."""
         kind = self.random.choice(("plain", "plain", "closed", "closed", "open"))
         moments = [*self.model.times.values()]
         before = moments[0] - timedelta(seconds=2)
@@ -130,7 +130,7 @@ class Writer:
         valid_until: datetime | None = None,
         **given: Any,
     ) -> None:
-        """Write what some elements are, in one revision."""
+        """Write the contents of some elements, in one revision."""
         with self.kb.transaction(valid_from=valid_from, valid_until=valid_until, **given):
             for element, content in contents.items():
                 set_content(self.kb, element, content)
@@ -145,7 +145,7 @@ class Writer:
                 self.model.plain.append(Plain(element, content, number))
 
     def content(self, element: str) -> Content:
-        """Choose what an element is."""
+        """Choose the content of an element."""
         if element in FACTS:
             return self.random.random() < 0.5
         if self.random.random() < 0.3:
@@ -155,7 +155,7 @@ class Writer:
         return str(self.random.randint(0, 9))
 
     def note(self) -> bool:
-        """Note the times of new revisions; return whether there is one."""
+        """Record the times of new revisions; return whether there is one."""
         known = max(self.model.times, default=0)
         new = {one.number: one.committed_at for one in self.kb.store.revisions(known)}
         self.model.times.update(new)
@@ -163,7 +163,7 @@ class Writer:
 
 
 def set_content(kb: KnowledgeBase, element: str, content: Content) -> None:
-    """Set what an element is."""
+    """Set the content of an element."""
     if element in FACTS:
         (kb.propositions.save if content else kb.propositions.delete)(element)
     elif content is None:

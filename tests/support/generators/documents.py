@@ -1,4 +1,4 @@
-"""Hypothesis strategies for documents: any well-formed domain, and any problem of one."""
+"""Hypothesis strategies for documents: any well-formed domain, and any of its problems."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from kant_sql.pddl.requirements import REQUIREMENTS, used_requirements
 T = TypeVar("T")
 Scope = tuple[f.TypedName, ...]
 
-# Legal names that a careless reader takes for something else.
+# Legal names that a careless reader mistakes for something else.
 AWKWARD = (
     *("at", "over", "start", "end", "all", "object1", "number1", "either1", "domain", "problem"),
     *("defined", "init", "goal", "x", "X1", "A-B", "a_b", "a-", "b--c", "T", "t1", "nil", "true"),
@@ -48,7 +48,7 @@ VARIABLES = ("x", "y", "Z1", "a-b", "r_", "start", "object", "either", "number",
 
 
 def distinct(count: int, taken: Sequence[str] = ()) -> SearchStrategy[list[str]]:
-    """Names that PDDL holds different, from each other and from those that are taken."""
+    """Draw names that differ in PDDL, from each other and from the taken ones."""
     keys = {fold(name) for name in taken}
     free = NAMES.filter(lambda name: fold(name) not in keys)
     return st.lists(free, min_size=count, max_size=count, unique_by=fold)
@@ -68,7 +68,7 @@ def _below(count: int) -> SearchStrategy[int]:
 
 @dataclass(frozen=True)
 class World:
-    """The types, with the one above each; what there is of them; what can be said and changed."""
+    """The types with their parents, their objects, and the predicates and functions."""
 
     parents: dict[str, str]
     things: tuple[f.TypedName, ...]
@@ -80,7 +80,7 @@ class World:
         return all(any(self._is_below(name, above) for above in wanted) for name in types)
 
     def fits_any(self, types: tuple[str, ...], wanted: tuple[str, ...]) -> bool:
-        """Whether an object of some types may stand where others are wanted."""
+        """Return whether an object of some types may be used where others are wanted."""
         return any(self._is_below(name, above) for name in types for above in wanted)
 
     def _is_below(self, name: str, above: str) -> bool:
@@ -116,13 +116,13 @@ def world_of(domain: Domain, objects: tuple[f.TypedName, ...] = ()) -> World:
 
 
 def bind(scope: Scope, parts: Scope) -> Scope:
-    """What is in scope once more is bound: the inner of two that have one name."""
+    """Return the scope with more variables: an inner one hides an outer one of the same name."""
     bound = {fold(part.name) for part in parts}
     return (*(part for part in scope if fold(part.name) not in bound), *parts)
 
 
 class Words:
-    """Draws terms, atoms and fluents that are well typed."""
+    """Draws well-typed terms, atoms and fluents."""
 
     def __init__(self, draw: DrawFn, world: World) -> None:
         self.draw, self.world = draw, world
@@ -154,7 +154,7 @@ class Words:
     def fluent(
         self, scope: Scope, wanted: tuple[str, ...] = (), nested: int = 1
     ) -> f.Fluent | None:
-        """A number, or where types are wanted an object of these."""
+        """Draw a numeric fluent, or with wanted types an object fluent."""
         fitting = [
             function
             for function in self.world.functions
@@ -168,7 +168,7 @@ class Words:
         return None if terms is None else f.Fluent(function.name, terms)
 
     def atom(self, scope: Scope, basic: bool = False, nested: int = 0) -> f.Atom:
-        """An atom; a basic one is of a predicate that no rule defines."""
+        """Draw an atom; a basic one has a predicate without rules."""
         predicate = self.pick(
             [
                 p
@@ -178,7 +178,7 @@ class Words:
         )
         terms = self.arguments(predicate.parameters, scope, nested)
         if terms is None:
-            # The first predicate has no parameters, and no rule.
+            # The first predicate has neither parameters nor a rule.
             return f.Atom(self.world.predicates[0].name)
         return f.Atom(predicate.name, terms)
 
@@ -189,13 +189,13 @@ NUMBERS = ("0", "1", "-1", "0.5", "1.50", "-3.25", "007", "100000000000000000000
 
 
 class Formulas(Words):
-    """Draws what the grammar has, each in the context that the grammar has it in."""
+    """Draws all constructs of the grammar, each in its context."""
 
     def several(self, one: Callable[[], f.Formula], most: int = 3) -> tuple[f.Formula, ...]:
         return tuple(one() for _ in range(self.between(0, most)))
 
     def conjuncts(self, one: Callable[[], f.Formula], most: int = 3) -> tuple[f.Formula, ...]:
-        """What is at the top of a goal, a condition or an effect: no conjunction is within it."""
+        """Draw the conjuncts of a goal, a condition or an effect: none is a conjunction."""
         found: list[f.Formula] = []
         stack = [*self.several(one, most)]
         while stack:
@@ -244,7 +244,7 @@ class Formulas(Words):
         return f.Comparison(self.pick(f.COMPARISONS), pair[0], pair[1])
 
     def goal(self, scope: Scope, depth: int = DEPTH) -> f.Formula:
-        """A goal description: no time, no preference."""
+        """Draw a goal description: without times and preferences."""
         kind = self.pick(
             [*("literal", "literal", "comparison"), *("not", "and", "or", "imply"), "all"]
         )
@@ -266,7 +266,7 @@ class Formulas(Words):
     def nest(
         self, one: Callable[[Scope], f.Formula], scope: Scope, preferences: bool, depth: int = 2
     ) -> f.Formula:
-        """Something, a preference for it, or one or more of these for all objects."""
+        """Draw a part, a preference for it, or several of these for all objects."""
         kind = self.pick(["one", "one", "one", "preference", "forall", "and"])
         if kind == "forall" and depth:
             parts = self.bound()
@@ -278,7 +278,7 @@ class Formulas(Words):
         return one(scope)
 
     def condition(self, scope: Scope, durative: bool = False, soft: bool = True) -> f.Formula:
-        """A condition of an action; of a durative one, at a time."""
+        """Draw a condition of an action; of a durative one, at a time."""
         if durative:
             return self.nest(lambda s: f.Timed(self.pick(f.TIMES), self.goal(s, 2)), scope, soft)
         return self.nest(lambda s: self.goal(s, 2), scope, soft)
@@ -361,7 +361,7 @@ EXTRA = (*REQUIREMENTS, ":adl", ":fluents", ":quantified-preconditions")
 
 @st.composite
 def domains(draw: DrawFn, repeats: bool = False) -> Domain:
-    """Any well-formed domain, with the requirements that it uses and maybe more.
+    """Draw any well-formed domain, with the requirements that it uses and perhaps more.
 
     With repeats, a predicate's or a function's parameters may share a name, as in real files.
     """
@@ -386,7 +386,7 @@ def domains(draw: DrawFn, repeats: bool = False) -> Domain:
 
 @st.composite
 def problems(draw: DrawFn, domain: Domain) -> Problem:
-    """Any well-formed problem of a domain."""
+    """Draw any well-formed problem of a domain."""
     taken = [domain.name, *(part.name for part in (*domain.types, *domain.constants))]
     for elements in (domain.predicates, domain.functions, domain.actions):
         taken += [element.name for element in elements]
@@ -406,7 +406,7 @@ def problems(draw: DrawFn, domain: Domain) -> Problem:
 
 @st.composite
 def domains_and_problems(draw: DrawFn, repeats: bool = False) -> tuple[Domain, Problem]:
-    """Any well-formed domain, with a problem of it."""
+    """Draw any well-formed domain with one of its problems."""
     domain = draw(domains(repeats))
     return domain, draw(problems(domain))
 
@@ -421,7 +421,7 @@ def _world(draw: DrawFn, names: list[str], repeats: bool) -> World:
     for name in names[: draw(st.integers(0, 4))]:
         parents[name] = draw(st.sampled_from([ROOT_TYPE, *parents]))
     if draw(st.booleans()):
-        # A type may be declared before the one above it.
+        # A type may be declared before its parent.
         parents = dict(draw(st.permutations(list(parents.items()))))
     empty = World(parents, (), (), ())
     things = tuple(
@@ -453,7 +453,7 @@ def _derived(words: Formulas) -> tuple[f.Derived, ...]:
                 f.TypedName(f"v{i}", part.types) for i, part in enumerate(predicate.parameters)
             ]
             formula = words.goal(tuple(parts), 2)
-            # Rules must be stratified: none negates what rules derive.
+            # Rules must be stratified: none negates a derived predicate.
             if words.world.derived.isdisjoint(map(fold, _negated(formula))):
                 rules.append(f.Derived(predicate.name, tuple(parts), formula))
     return tuple(rules)

@@ -1,8 +1,8 @@
-"""Random episodes: a domain, its states one after another, and questions about them.
+"""Random episodes: a domain, a sequence of states, and questions about them.
 
-Unlike those of `documents`, the rules of derived predicates are stratified, and many conditions
-hold for some objects and fail for others. An episode is a function of its seed: Hypothesis draws
-mostly what is small and alike, which few answers distinguish.
+Unlike in `documents`, the rules of derived predicates are stratified, and many conditions hold for
+some objects and fail for others. An episode is a function of its seed: Hypothesis would mostly draw
+small and similar ones, which few answers distinguish.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ from tests.support.generators.documents import (
 
 T = TypeVar("T")
 
-# So many ground atoms of one predicate may hold.
+# The maximum number of ground atoms of one predicate that hold.
 MOST = 150
 NUMBERS = (Fraction(0), Fraction(1), Fraction(2), Fraction(-3), Fraction(1, 2), Fraction(5, 4))
 
 
 @dataclass(frozen=True)
 class Question:
-    """A condition with its free variables, some of which are bound."""
+    """A condition with its free variables, some of them bound."""
 
     columns: Scope
     formula: f.Formula
@@ -58,14 +58,14 @@ class Question:
 
 @dataclass(frozen=True)
 class Change:
-    """What differs between two states: facts, and values of fluents, None for none."""
+    """The difference of two states: facts, and values of fluents, None for no value."""
 
     added: tuple[f.Atom, ...]
     removed: tuple[f.Atom, ...]
     values: tuple[tuple[f.Fluent, Fraction | str | None], ...]
 
     def make(self, kb: KnowledgeBase) -> None:
-        """Change a state by calls of the DAOs, as far as its objects are there."""
+        """Change a state by calls of the DAOs, as far as its objects exist."""
 
         def is_known(names: Iterable[object]) -> bool:
             return all(kb.objects.get(str(name)) is not None for name in names)
@@ -85,7 +85,7 @@ class Change:
                 kb.function_values.set(fluent.function, objects=names, value=held)
 
     def of(self, state: State) -> State:
-        """The state after the change of another."""
+        """Return the state after this change of another one."""
         facts = (state.facts | {*map(ground, self.added)}) - {*map(ground, self.removed)}
         values = dict(state.values)
         for fluent, value in self.values:
@@ -97,7 +97,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Episode:
-    """A domain with a problem, changes of the state that it begins with, and questions."""
+    """A domain with a problem, changes of its initial state, and questions."""
 
     seed: int
     domain: document.Domain
@@ -142,7 +142,7 @@ def state_of(domain: document.Domain, problem: document.Problem) -> State:
 
 
 class Conditions(Formulas):
-    """Makes conditions; those of a rule negate no predicate of their own layer or above it."""
+    """Makes conditions; rules negate only predicates of lower layers."""
 
     def __init__(self, random: Random, world: World, layers: dict[str, int]) -> None:
         super().__init__(cast(DrawFn, _no_draw), world)
@@ -159,7 +159,7 @@ class Conditions(Formulas):
         return self.random.randint(least, most)
 
     def types(self) -> tuple[str, ...]:
-        """A type, or seldom several."""
+        """Return a type, or rarely several."""
         names = [*self.world.parents]
         if len(names) > 1 and self.random.random() < 0.2:
             return tuple(self.random.sample(names, 2))
@@ -172,7 +172,7 @@ class Conditions(Formulas):
         return self.variables(self.random.sample(VARIABLES, self.pick([1, 1, 2])))
 
     def term(self, wanted: tuple[str, ...], scope: Scope, nested: int) -> f.Term | None:
-        """Most terms are variables."""
+        """Return a term, mostly a variable."""
         fitting = [f.Variable(v.name) for v in scope if self.world.fits(v.types, wanted)]
         if fitting and self.random.random() < 0.8:
             return self.pick(fitting)
@@ -219,19 +219,19 @@ class Conditions(Formulas):
         return f.Number(Decimal(str(float(self.pick(NUMBERS)))))
 
     def opposite(self, scope: Scope, depth: int) -> f.Formula:
-        """A condition under a negation."""
+        """Return a condition under a negation."""
         self.positive = not self.positive
         made = self.goal(scope, depth)
         self.positive = not self.positive
         return made
 
     def narrowed(self, types: tuple[str, ...]) -> tuple[str, ...]:
-        """The types, or seldom one below them."""
+        """Return the types, or rarely a subtype."""
         below = [name for name in self.world.parents if self.world.fits((name,), types)]
         return (self.pick(below),) if below and self.random.random() < 0.2 else types
 
     def rule(self, predicate: document.Predicate) -> f.Derived:
-        """A rule: any condition, or a join with some variables more, as in a transitive closure."""
+        """Return a rule: any condition, or a join with more variables, as for transitivity."""
         self.layer = self.layers[fold(predicate.name)]
         parts = tuple(
             f.TypedName(f"v{number}", self.narrowed(part.types))
@@ -256,7 +256,7 @@ class Conditions(Formulas):
         )
 
     def durative(self, name: str) -> document.Action:
-        """A durative action, each of whose conditional effects has one time."""
+        """Return a durative action whose conditional effects each have one time."""
         scope = self.variables(self.random.sample(VARIABLES, self.pick([2, 1, 3, 0])))
         condition = tuple(f.Timed(self.pick(f.TIMES), self.goal(scope, 2)) for _ in range(3))
         effect: list[f.Formula] = []
@@ -277,7 +277,7 @@ class Conditions(Formulas):
         )
 
     def lasts(self, scope: Scope) -> f.Comparison:
-        """A constraint on a duration, which may contradict another one."""
+        """Return a constraint on a duration, which may contradict another one."""
         limit = self.expression(scope, 1) if self.random.random() < 0.3 else f.Number(5)
         return f.Comparison(self.pick(["=", "=", "<=", ">="]), DURATION, limit)
 
@@ -296,7 +296,7 @@ def _no_draw(*_: object, **__: object) -> NoReturn:
 
 
 def free_variables(domain: document.Domain, formula: f.Formula) -> dict[str, list[tuple[str, ...]]]:
-    """The free variables, as they first occur, each with the types that its atoms allow."""
+    """Return the free variables in order, each with the types that its atoms allow."""
     declared = {fold(p.name): p for p in domain.predicates}
     functions = {fold(function.name): function for function in domain.functions}
     found: dict[str, list[tuple[str, ...]]] = {}
@@ -321,7 +321,7 @@ def free_variables(domain: document.Domain, formula: f.Formula) -> dict[str, lis
 
 
 def atoms_of(world: World, parameters: Scope) -> list[tuple[f.Constant, ...]]:
-    """The arguments that a predicate or a function can have."""
+    """Return the possible arguments of a predicate or a function."""
     ranges = [
         [
             f.Constant(thing.name)
@@ -334,11 +334,11 @@ def atoms_of(world: World, parameters: Scope) -> list[tuple[f.Constant, ...]]:
 
 
 def changes(random: Random, world: World, begins: bool = False) -> Change:
-    """Some facts and values; or what becomes of some, where the state has begun."""
+    """Return some facts and values; after the initial state, also changes of existing ones."""
     added: list[f.Atom] = []
     removed: list[f.Atom] = []
     for predicate in world.predicates:
-        # A fact of a derived predicate can be stored as well, but not in a problem.
+        # Facts of derived predicates can also be stored, but not in a problem.
         if fold(predicate.name) in world.derived and (begins or random.random() < 0.7):
             continue
         share = random.choice([0.1, 0.3, 0.6]) if begins else 0.15
@@ -360,7 +360,7 @@ def changes(random: Random, world: World, begins: bool = False) -> Change:
 
 
 def _names(random: Random, count: int) -> list[str]:
-    """Names that PDDL holds different, some of them awkward."""
+    """Return names that differ in PDDL, some of them awkward."""
     found: dict[str, str] = {}
     while len(found) < count:
         name = random.choice("abcxyzABCXYZ") + "".join(random.choices("abcXYZ0189-_", k=3))
@@ -371,7 +371,7 @@ def _names(random: Random, count: int) -> list[str]:
 
 
 def _world(words: Conditions, names: list[str]) -> tuple[World, dict[str, int]]:
-    """Types, objects, predicates and functions; and the layers of derived predicates."""
+    """Return types, objects, predicates and functions; and the layers of derived predicates."""
     parents: dict[str, str] = {}
     for name in names[: words.pick([2, 3, 2, 1, 0])]:
         parents[name] = words.pick([*parents, ROOT_TYPE])
@@ -394,12 +394,12 @@ def _world(words: Conditions, names: list[str]) -> tuple[World, dict[str, int]]:
 
 
 def episode(seed: int, changed: int = 2, asked: int = 8) -> Episode:
-    """A domain with stratified rules and actions, states of it, and questions."""
+    """Return a domain with stratified rules and actions, states of it, and questions."""
     random = Random(seed)
     names = _names(random, 30)
     world, layers = _world(Conditions(random, World({}, (), (), ()), {}), names)
     count = random.randint(0, len(world.things))
-    # A domain knows its constants only.
+    # A domain knows only its constants.
     words = Conditions(random, replace(world, things=world.things[:count]), layers)
     ruled = [predicate for predicate in world.predicates if fold(predicate.name) in layers]
     rules = [words.rule(predicate) for predicate in ruled for _ in range(2)]

@@ -1,4 +1,4 @@
-"""Values that belong nowhere, and every public callable to be called with them."""
+"""Values that fit nowhere, and every public callable to call with them."""
 
 from __future__ import annotations
 
@@ -52,11 +52,11 @@ MODULES = (*(kant_sql, kant_sql.pddl, kant_sql.planning, kant_sql.compat),)
 
 
 class Hostile(Exception):
-    """What hostile objects raise."""
+    """The error that hostile objects raise."""
 
 
 def hostile(name: str, answer: object = Hostile) -> object:
-    """Make an object with one special method that raises, or answers with nonsense."""
+    """Make an object with one special method that raises or returns nonsense."""
 
     def method(*_: object) -> object:
         if answer is Hostile:
@@ -92,7 +92,7 @@ def tall_type() -> PddlTypeDto:
 
 
 def bounded() -> Iterator[int]:
-    """Numbers without end, as far as a test can see."""
+    """Yield numbers, as if without end."""
     yield from range(20_000)
     raise AssertionError("what never ends was read to its end")
 
@@ -105,7 +105,7 @@ def raising() -> Iterator[object]:
 ROBOT, WP = PddlTypeDto("truck"), PddlTypeDto("place")
 WP_OBJECT = PddlObjectDto(WP, "p1")
 FACT = PddlPropositionDto(PddlPredicateDto("at", [ROBOT, WP]), [PddlObjectDto(ROBOT, "t1")])
-# What never changes, called by its repr.
+# Immutable values, by their repr.
 CONSTANTS: tuple[Any, ...] = (
     *(None, True, 0, -1, 2**63, 1.5, float("nan"), float("inf"), float("-inf"), 1j, "", "x", " "),
     *(Decimal("NaN"), Decimal("sNaN"), Decimal("Infinity"), Decimal("1E+999999"), Fraction(1, 3)),
@@ -114,7 +114,7 @@ CONSTANTS: tuple[Any, ...] = (
     *(datetime.max.replace(tzinfo=UTC), datetime.min.replace(tzinfo=UTC)),
     *(datetime(2026, 1, 31).date(), Path("/"), Path("/no/such/file.pddl"), Path("a\0b")),
 )
-# Each makes a new one: some can be used once.
+# Each call makes a new value, because some can be used only once.
 JUNK: dict[str, Callable[[], Any]] = {
     **{repr(value): lambda value=value: value for value in CONSTANTS},  # type: ignore[misc]
     "10**5000": lambda: 10**5000,
@@ -182,10 +182,10 @@ JUNK: dict[str, Callable[[], Any]] = {
         for name in ["__str__", "__repr__", "__iter__", "__fspath__", "__hash__", "__enter__"]
     },
 }
-# Of the caller's own code only what it raises while it is asked for items passes.
+# Errors of the caller's own code pass only while the library iterates over its items.
 OWN_ERRORS = {"raising generator", "bad __call__"}
 SLOW = {"10 MB"}
-# Other records are made by the library: their constructors take what they are given.
+# The library makes other records itself: their constructors check nothing.
 CHECKED = (
     *(Plan, PlanStep, f.TypedName, kant_sql.pddl.Action, kant_sql.pddl.Domain),
     *(kant_sql.pddl.Function, kant_sql.pddl.Predicate, kant_sql.pddl.Problem),
@@ -198,7 +198,7 @@ _COUNT = re.compile(
 
 @dataclass
 class World:
-    """A knowledge base in which something is known, and what its callables usually take."""
+    """A knowledge base with some content, and the usual arguments of its callables."""
 
     kb: KnowledgeBase
     folder: Path
@@ -245,7 +245,7 @@ class World:
     }
 
     def usual(self, owner: str, name: str) -> Any:
-        """Give what a parameter usually takes, so that the others are all that is wrong."""
+        """Return the usual argument of a parameter, so only the others are wrong."""
         part = owner.rsplit(".", maxsplit=1)[-1]
         if name in ("dto", "formula", "metric"):
             return {**self.dtos, **self.formulas}.get(part, depot.IDLE)
@@ -255,7 +255,7 @@ class World:
         return self.values().get(name) if made is None else made()
 
     def made(self) -> dict[str, Callable[[], Any]]:
-        """Give how to make what parameters usually take and what takes time to make."""
+        """Return functions that make usual arguments, including slow ones."""
         kb = self.kb
         return {
             "domain": kb.pddl.domain,
@@ -265,7 +265,7 @@ class World:
         }
 
     def values(self) -> dict[str, Any]:
-        """Give all else that parameters usually take, by their names."""
+        """Return the other usual arguments, by the names of parameters."""
         scratch = f"sqlite:///{self.folder / 'scratch.db'}"
         return {
             "a": 1, "b": 0, "when": 1, "before": 1, "since": 1, "until": 1, "after": 0, "limit": 2,
@@ -281,7 +281,7 @@ class World:
         }  # fmt: skip
 
     def subjects(self) -> dict[str, Callable[[], Any]]:
-        """Give how to get the objects whose methods are called: some take time to make."""
+        """Return functions that make the objects whose methods are called, some of them slowly."""
         kb = self.kb
         compat = self.compat
         return {
@@ -315,7 +315,7 @@ class World:
 
 @dataclass(frozen=True)
 class Case:
-    """One call: of what, and which argument is junk."""
+    """One call: the callable, and which argument is junk."""
 
     owner: str
     method: str
@@ -326,13 +326,13 @@ class Case:
         return f"{self.owner}.{self.method}({self.parameter}={self.junk})"
 
 
-# What is closed is the matter of other tests.
+# Other tests cover closed objects.
 _LEFT_OUT = {"close"}
 _POSITIONAL = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
 
 
 def functions(module: ModuleType) -> Iterator[tuple[str, Any]]:
-    """Give the public functions and classes of a module that can be called."""
+    """Yield the public functions and classes of a module that can be called."""
     for name in module.__all__:
         value = getattr(module, name)
         is_class = inspect.isclass(value) and not inspect.isabstract(value)
@@ -344,7 +344,7 @@ def functions(module: ModuleType) -> Iterator[tuple[str, Any]]:
 
 
 def methods(subject: object) -> Iterator[str]:
-    """Give the names of the public methods of an object; of the drop-in's DAOs two more."""
+    """Yield the names of an object's public methods; for the drop-in's DAOs two more."""
     for name, _ in inspect.getmembers(type(subject), inspect.isfunction):
         is_drop_in = name in ("_save", "_update") and type(subject).__module__ == "kant_sql.compat"
         if is_drop_in or (name not in _LEFT_OUT and not name.startswith("_")):
@@ -370,7 +370,7 @@ def cases(world: World) -> list[Case]:
 
 
 def sample(found: list[Case], size: int | None, seed: int) -> list[Case]:
-    """Choose so many calls, without what is slow, or all."""
+    """Choose some calls, without slow ones, or return all."""
     if size is None:
         return found
     chooser = random.Random(seed)
@@ -379,7 +379,7 @@ def sample(found: list[Case], size: int | None, seed: int) -> list[Case]:
 
 
 class Calling:
-    """Calls, and judges what comes of it."""
+    """Makes calls, and judges the results."""
 
     def __init__(self, make: Callable[[], World], seed: int = 0) -> None:
         self._make = make
@@ -388,7 +388,7 @@ class Calling:
         self.faults: list[str] = []
 
     def call(self, case: Case) -> None:
-        """Make a call; note what is wrong with what comes of it."""
+        """Make a call; record faults of its result."""
         world = self._world
         world.calls += 1
         before = world.kb.revision
@@ -407,7 +407,7 @@ class Calling:
     def arguments(
         self, case: Case, parameters: list[inspect.Parameter]
     ) -> tuple[list[Any], dict[str, Any]]:
-        """Give what a call is called with, by position and by name."""
+        """Return the arguments of a call, by position and by name."""
         if case.junk == "nothing":
             return [], {}
         positional: list[Any] = []
@@ -430,7 +430,7 @@ class Calling:
         return positional, keywords
 
     def _example(self, parameter: inspect.Parameter) -> Any:
-        """Give what the annotation of a constructor's parameter asks for."""
+        """Return an example for the annotation of a constructor's parameter."""
         text = str(parameter.annotation)
         examples: list[tuple[str, Any]] = [
             ("Iterable[PddlTypeDto]", [ROBOT]), ("PddlTypeDto", ROBOT),
@@ -475,7 +475,7 @@ class Calling:
 
 
 def is_binding(error: BaseException) -> bool:
-    """Whether an error is of a call that did not begin, at most behind a wrapper."""
+    """Return whether an error is from binding the arguments, possibly behind a wrapper."""
     depth, trace = 0, error.__traceback__
     while trace is not None:
         depth, trace = depth + 1, trace.tb_next
@@ -483,7 +483,7 @@ def is_binding(error: BaseException) -> bool:
 
 
 def use(result: Any) -> None:
-    """Use what a call gives as a caller would: what is lazy is asked, a block is run."""
+    """Use a result as a caller would: evaluate lazy ones, run blocks."""
     if isinstance(result, Iterator):
         list(itertools.islice(result, 3))
     elif isinstance(result, KnowledgeBase | kant_sql.DaoFactory):

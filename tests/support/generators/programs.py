@@ -1,4 +1,4 @@
-"""Programs of DAO calls: how to run one, on a store or on the model, and how to make them up."""
+"""Programs of DAO calls: runs them on a store or on the model, and generates them."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ DAOS = ("types", "objects", "predicates", "actions", "propositions")
 
 
 class Boom(Exception):
-    """What a component of the robot may raise in the middle of its work."""
+    """An error that a component of the robot raises during its work."""
 
 
 class Items:
-    """What `save_all` reads one by one; it may break off in the end."""
+    """The items for `save_all`, one by one; they may end with an error."""
 
     def __init__(self, dtos: list[Any], breaks: bool = False) -> None:
         self.dtos = dtos
@@ -75,14 +75,14 @@ Step = Call | At | Block
 
 
 class Program(NamedTuple):
-    """Steps, each with the number of the process that takes it."""
+    """Steps, each with the number of its process."""
 
     steps: list[tuple[int, Step]]
     is_tight: bool
 
 
 def run(kb: Any, step: Step) -> list[object]:
-    """Take a step, and tell what came of it."""
+    """Execute a step, and return its results."""
     try:
         if isinstance(step, At):
             return run(kb.at(step.revision), step.call)
@@ -92,7 +92,7 @@ def run(kb: Any, step: Step) -> list[object]:
         options = {"cascade": True} if step.cascade else {}
         return [repr(method(*step.arguments, **options)), kb.revision]
     except (KantSqlError, Boom) as error:
-        # Items are read ahead: either the end of them, or one of them, is what comes up first.
+        # Items are read ahead: the error may come from their end or from one of them.
         breaks = isinstance(step, Call) and any(
             getattr(part, "breaks", 0) for part in step.arguments
         )
@@ -100,7 +100,7 @@ def run(kb: Any, step: Step) -> list[object]:
 
 
 def _dao(kb: Any, name: str) -> Any:
-    """The DAO of a name; that of propositions takes facts and goals, as in the model."""
+    """Return the DAO with a name; `propositions` takes facts and goals, as in the model."""
     is_real = not isinstance(kb, Model)
     return Atoms(kb) if is_real and name == "propositions" else dao_of(kb, name)
 
@@ -119,7 +119,7 @@ def _run_block(kb: Any, block: Block) -> list[object]:
 
 
 def state_of(kb: Any) -> dict[str, str]:
-    """All that the DAOs read."""
+    """Return everything that the DAOs read."""
     return {dao: repr(_dao(kb, dao).get_all()) for dao in DAOS}
 
 
@@ -138,7 +138,7 @@ def check(processes: list[KnowledgeBase], program: Program) -> None:
     for revision in range(model.revision + 1):
         assert state_of(newcomer.at(revision)) == state_of(model.at(revision))
     assert [[*map(tuple, entry.changes)] for entry in newcomer.log()][::-1] == model.changes()
-    # No version that the log does not tell of is left in the tables.
+    # The tables have no version that the log does not mention.
     came = Counter(
         TABLES.get(kind, kind)
         for lines in model.changes()
@@ -149,7 +149,7 @@ def check(processes: list[KnowledgeBase], program: Program) -> None:
         assert len(versions(newcomer, kind)) == came[kind], kind
 
 
-# What programs are made of: it fits together, but for as many odd things as a maker is allowed.
+# Makers of programs: their parts fit together, except for a limited number of odd ones.
 
 PARENTS = {"thing": None, "robot": "thing", "place": "thing", "Straße": None, "object": None}
 OBJECTS = {"rb1": "robot", "wp1": "place", "\U0001f916": "robot", "o--x": "thing"}
@@ -173,7 +173,7 @@ class Maker:
         return self.draw(st.sampled_from(options))
 
     def pick(self, usual: Any, *odd: Any) -> Any:
-        """Pick the usual thing, or now and then an odd one."""
+        """Return the usual value, or from time to time an odd one."""
         if self._odd_things and self.one_of(0, 0, 1):
             self._odd_things -= 1
             return self.one_of(*odd)
@@ -184,7 +184,7 @@ class Maker:
         return str(self.pick(spelling, *BAD_NAMES))
 
     def any_type(self) -> PddlTypeDto:
-        """Any place in the hierarchy, so that types are redefined."""
+        """Return any type with any parent, so types are redefined."""
         above = self.one_of(None, *map(PddlTypeDto, PARENTS))
         return PddlTypeDto(self.one_of(*PARENTS), parent=above)
 
@@ -241,7 +241,7 @@ WRITES = ["save", "save", "save", "insert", "update", "save_all", "delete", "del
 
 
 class CallMaker:
-    """Makes calls, most of them about the few elements of a pool, so that they meet."""
+    """Makes calls, most of them on a small pool of elements, so they interact."""
 
     def __init__(self, draw: st.DrawFn, pool: dict[str, list[Any]]) -> None:
         self._draw = draw
@@ -276,7 +276,7 @@ class CallMaker:
         return Call(dao, method, (dto,), redefines and one_of(False, True))
 
     def steps(self, depth: int = 0) -> list[Step]:
-        """One step, or two that belong together."""
+        """Return one step, or two related ones."""
         one_of = Maker(self._draw).one_of
         kind = one_of(*["call"] * 6, *["block"] * (3 if depth < 3 else 0), "at", "there and back")
         if kind == "call":
@@ -289,7 +289,7 @@ class CallMaker:
         return [Block(steps, one_of(False, False, True), one_of(*[None] * 9, 0, 1))]
 
     def there_and_back(self) -> list[Step]:
-        """A transaction that may well change nothing in the end, and a call that would show it."""
+        """Return a transaction that may change nothing in the end, and a call that shows it."""
         one_of = Maker(self._draw).one_of
         dao = one_of(*["propositions"] * 5, *DAOS)
         dto, other = self.dto(dao), self.dto("propositions")
@@ -304,7 +304,7 @@ class CallMaker:
 
 
 def home_world() -> Block:
-    """A world to begin with, so that short programs find something to redefine and delete."""
+    """Return an initial world, so short programs have something to redefine and delete."""
     literal = PddlConditionEffectDto
     type_ = {
         name: PddlTypeDto(name, parent=None if parent is None else PddlTypeDto(parent))

@@ -1,6 +1,6 @@
-"""What another process changes, and what a process that has cached the old state must do then.
+"""Changes by another process, and how a process with the old state in its caches must react.
 
-Each function is run in this process, which has read and written `world` before.
+Each function runs in this process, which has read and written `world` before.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ WP1_AS_DOCK = PddlObjectDto(DOCK, "wp1")
 
 
 def world(kb: KnowledgeBase) -> None:
-    """Fill the caches of a process: by writing, by reading, and by asking for what is not there."""
+    """Fill the caches of a process: by writing, by reading, and by asking for missing elements."""
     kb.actions.save(navigation())
     kb.types.save(DOCK)
     kb.objects.save(D1)
@@ -113,14 +113,14 @@ def knows_that_the_facts_hold(kb: KnowledgeBase) -> None:
     assert kb.propositions.get_all() == [robot_at()]
 
 
-# A DAO, its method, what that is given, and `cascade`.
+# A DAO, its method, the arguments, and `cascade`.
 Call = tuple[Any, ...]
 LONGER = navigation()
 LONGER.duration = 25
 
 
 def make(calls: Iterable[Call], kb: KnowledgeBase) -> None:
-    """Do in another process what `CHANGES` lists."""
+    """Make the calls of `CHANGES` in another process."""
     for dao, method, dto, *cascade in calls:
         getattr(getattr(kb, dao), method)(dto, **({"cascade": True} if cascade else {}))
 

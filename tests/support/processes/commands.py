@@ -21,7 +21,7 @@ from kant_sql.cli.main import app
 from tests.support.processes.warm import MODULES, python
 
 ROOT = Path(__file__).resolve().parents[3]
-# As it is started in earnest, for what the start matters to: most tests need just a `command()`.
+# As users start it, for tests in which the start matters: most only need a `command()`.
 PROGRAM = [sys.executable, "-m", "kant_sql.cli.main"]
 CHILD_TIMEOUT = 60
 EXAMPLES = ROOT / "examples"
@@ -32,18 +32,18 @@ _commands = functools.cache(get_command)
 
 def run(*words: str, url: str | None = None) -> Result:
     """Run `kant-sql` in this process, with `url` as the default URL."""
-    # Left alone, it makes the commands anew from their functions, which takes as long as they do.
+    # Otherwise, it makes the commands anew from their functions, which takes as long as they do.
     with mock.patch("typer.testing._get_command", _commands):
         return CliRunner().invoke(app, list(words), env={"KANT_SQL_URL": url})
 
 
 def command() -> list[str]:
-    """What `kant-sql` is as a process of its own."""
+    """Return the command line that starts `kant-sql` as its own process."""
     return [str(python(*MODULES)), "-m", "kant_sql.cli.main"]
 
 
 def environment(**variables: str) -> dict[str, str]:
-    """The environment of a child: this one, without a default URL unless it is given."""
+    """Return the environment of a child: this one, without a default URL unless given."""
     kept = {name: value for name, value in os.environ.items() if name != "KANT_SQL_URL"}
     return {**kept, **variables}
 
@@ -56,7 +56,7 @@ def child(
     timeout: float = CHILD_TIMEOUT,
     **variables: str,
 ) -> subprocess.CompletedProcess[str]:
-    """Run `kant-sql`, or another program, as a process of its own, with `given` as its input."""
+    """Run `kant-sql`, or another program, as its own process, with `given` as its input."""
     return subprocess.run(
         [*(program or command()), *words],
         input=given,
@@ -71,13 +71,13 @@ def child(
 
 
 def start(*words: str, program: Sequence[str] = (), **options: Any) -> subprocess.Popen[bytes]:
-    """Start `kant-sql` as a process of its own, and leave it running."""
+    """Start `kant-sql` as its own process, and leave it running."""
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options}
     return subprocess.Popen([*(program or command()), *words], env=environment(), **options)
 
 
 def one_line(error: str) -> str:
-    """The one line that an error is; fails when it is anything else."""
+    """Return the only line of an error; fail if there is more."""
     lines = error.splitlines()
     assert len(lines) == 1, error
     assert lines[0].startswith("kant-sql: "), error
@@ -85,27 +85,27 @@ def one_line(error: str) -> str:
 
 
 def written(*words: str, url: str | None = None) -> str:
-    """What a command writes that succeeds without a complaint."""
+    """Return the output of a command that succeeds without a complaint."""
     result = run(*words, url=url)
     assert (result.exit_code, result.stderr) == (0, ""), result.stderr
     return result.stdout
 
 
 def documents(*words: str, code: int = 0, url: str | None = None) -> list[Any]:
-    """The JSON documents that a command writes, one on each line."""
+    """Return the JSON documents that a command writes, one per line."""
     result = run(*words, "--json", url=url)
     assert (result.exit_code, result.stderr) == (code, ""), result.stderr
     return [json.loads(line) for line in result.stdout.splitlines()]
 
 
 def document(*words: str, code: int = 0, url: str | None = None) -> Any:
-    """The only JSON document that a command writes."""
+    """Return the only JSON document that a command writes."""
     (one,) = documents(*words, code=code, url=url)
     return one
 
 
 def complaint(*words: str, code: int = 1, url: str | None = None) -> str:
-    """The one line of a command that fails and writes nothing else."""
+    """Return the error line of a command that fails and writes nothing else."""
     result = run(*words, url=url)
     assert (result.exit_code, result.stdout) == (code, "")
     return one_line(result.stderr)
@@ -117,7 +117,7 @@ def in_terminal(
     width: int = 80,
     variables: Mapping[str, str] = MappingProxyType({}),
 ) -> tuple[str, str]:
-    """What a command that succeeds writes to a terminal, and to a pipe.
+    """Return the output of a successful command to a terminal, and to a pipe.
 
     The terminal is its standard output, or its standard error.
     """

@@ -1,4 +1,4 @@
-"""Writers that are killed, and what must be found afterwards."""
+"""Writers that are killed, and checks of the store afterwards."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ BULK = 60
 
 
 class Acknowledged(NamedTuple):
-    """A revision that a writer was told of."""
+    """A revision whose call has returned to the writer."""
 
     number: int
     hash: str
 
 
 def write_for_ever(url: str, tell: Connection) -> None:
-    """Write in all ways that there are, and tell each revision once its call has come back."""
+    """Write in all possible ways, and report each revision once its call has returned."""
     with kant_sql.connect(url, knowledge_base="tiago", actor="crashing") as kb:
         last = kb.revision
         while True:
             for way in (_one_call, _some_calls, _many_rows, _one_call, _definitions):
-                # A transaction that was lost with its connection has done nothing.
+                # A transaction lost with its connection has done nothing.
                 with suppress(ConnectionLostError):
                     way(kb, last)
                     (revision,) = kb.store.revisions(after=last)
@@ -73,7 +73,7 @@ def _definitions(kb: KnowledgeBase, last: int) -> None:
 
 
 def die_after(statements: int) -> None:
-    """Let this process be killed behind so many statements."""
+    """Let this process be killed after a number of statements."""
     left = itertools.count(statements, -1)
 
     def counting(execute: Callable[..., None]) -> Callable[..., None]:
@@ -88,10 +88,10 @@ def die_after(statements: int) -> None:
 
 
 def go_on(kb: KnowledgeBase, kill: Callable[[], object]) -> int:
-    """Insert by calls and count by transactions, while something is killed and comes back.
+    """Insert by calls and count by transactions, while something is killed and restarted.
 
     Returns:
-        How many revisions there are afterwards.
+        The number of revisions afterwards.
     """
     done, inserted, counted = threading.Event(), [0], [0]
 
@@ -102,7 +102,7 @@ def go_on(kb: KnowledgeBase, kill: Callable[[], object]) -> int:
 
     def count() -> None:
         while not done.is_set():
-            # A transaction that was lost did nothing.
+            # A lost transaction did nothing.
             with suppress(ConnectionLostError):
                 counter.increment(kb, 1)
                 counted[0] += 1
@@ -130,7 +130,7 @@ def go_on(kb: KnowledgeBase, kill: Callable[[], object]) -> int:
 
 
 def all_told(told: Connection) -> list[Acknowledged]:
-    """Read what a writer had told before it was killed."""
+    """Read the reports of a writer before it was killed."""
     revisions = []
     with told:
         while True:
@@ -141,8 +141,8 @@ def all_told(told: Connection) -> list[Acknowledged]:
 
 
 def check_all(kb: KnowledgeBase, url: str, acknowledged: list[Acknowledged]) -> None:
-    """Check that what was acknowledged is there, that all is whole, and that it goes on."""
-    # A server may still be at the last transaction of a client that is gone: a writer waits for it.
+    """Check that acknowledged revisions exist, that all are whole, and that writing continues."""
+    # A server may still run the last transaction of a lost client: a writer waits for it.
     assert kb.objects.insert(PddlObjectDto(ROBOT, f"checked_at_{kb.revision}"))
     there = {Acknowledged(revision.number, revision.hash) for revision in kb.store.revisions()}
     missing = set(acknowledged) - there
@@ -155,10 +155,10 @@ def check_all(kb: KnowledgeBase, url: str, acknowledged: list[Acknowledged]) -> 
 
 
 def fill_disk(url: str) -> tuple[int, int]:
-    """Write until there is no more room, then make room and write on.
+    """Write until the disk is full, then make room and continue.
 
     Returns:
-        How many calls came back before, and the last revision.
+        The number of calls that returned before, and the last revision.
     """
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     with kant_sql.connect(url, knowledge_base="tiago") as kb:

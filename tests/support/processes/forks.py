@@ -1,4 +1,4 @@
-"""What processes do that fork with a knowledge base open; each function is run in a new process."""
+"""Processes that fork with a knowledge base open; each function runs in a new process."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from tests.support.processes.workers import Child
 from tests.support.reading import store_of
 from tests.support.worlds.robots import robot_at, waypoint
 
-# Enough facts for more pages than SQLite's cache takes.
+# Enough facts for more pages than SQLite's cache can hold.
 MANY = 20_000
 
 
@@ -32,7 +32,7 @@ def _save(kb: KnowledgeBase, number: int) -> None:
 
 
 def both_sides_go_on(url: str) -> None:
-    """Write in the parent and in the child, also after the other has closed."""
+    """Write in the parent and in the child, even after the other has closed."""
     kb = kant_sql.connect(url)
     _save(kb, 1)
     parent_closed, tell = os.pipe()
@@ -55,7 +55,7 @@ def both_sides_go_on(url: str) -> None:
 
 
 def children_close_first(url: str) -> None:
-    """Let children come and go while the parent goes on with what it has open."""
+    """Let children come and go while the parent continues with its open knowledge base."""
     with kant_sql.connect(url) as kb:
         for number in range(4):
             _save(kb, number)
@@ -86,8 +86,8 @@ def within_a_transaction(url: str) -> None:
 
             forked = Child(child)
             os.close(say)
-            # What is committed from then on is not what the child was to see. Without an answer,
-            # the child has failed, and says why.
+            # The child must not see later commits. Without an answer, the child has failed, and
+            # prints why.
             os.read(has_read, 1)
             os.close(has_read)
             time.sleep(0.1)
@@ -118,7 +118,7 @@ def out_of_a_transaction(url: str) -> None:
 
 @contextmanager
 def _in_a_transaction(kb: KnowledgeBase) -> Iterator[None]:
-    """Let a thread be in a transaction until the end of the block."""
+    """Keep a thread in a transaction until the end of the block."""
     entered, leave = threading.Event(), threading.Event()
 
     def work() -> None:
@@ -138,7 +138,7 @@ def _in_a_transaction(kb: KnowledgeBase) -> Iterator[None]:
 
 @contextmanager
 def _again_and_again(work: Callable[[], object], threads: int) -> Iterator[None]:
-    """Let threads do something until the end of the block."""
+    """Let threads repeat something until the end of the block."""
     is_over = threading.Event()
 
     def repeat() -> None:
@@ -184,7 +184,7 @@ def beside_a_thread_in_a_transaction(url: str) -> None:
 
 
 def in_memory() -> None:
-    """Fork with a store in memory: the child has a copy, as it has of all memory."""
+    """Fork with a store in memory: the child has a copy, as of all memory."""
     with kant_sql.connect("sqlite://") as kb:
         _save(kb, 1)
         with kb.transaction():
@@ -204,7 +204,7 @@ def in_memory() -> None:
 
 
 def fork_beside_a_watching_thread(url: str) -> None:
-    """Fork while a thread waits for news: parent and child go on, and each can wait."""
+    """Fork while a thread waits for news: parent and child continue, and each can wait."""
     with kant_sql.connect(url, knowledge_base="tiago") as kb:
         kb.objects.save(waypoint(1))
         with waiting(kb) as call:
@@ -260,7 +260,7 @@ def within_a_large_transaction(url: str) -> None:
 
 
 def beside_reading_threads(url: str, other_url: str) -> None:
-    """Fork again and again while threads read another store: no child waits for ever."""
+    """Fork repeatedly while threads read another store: no child waits for ever."""
     with kant_sql.connect(url) as kb, kant_sql.connect(other_url) as other:
         _save(kb, 1)
         _save(other, 1)
@@ -292,7 +292,7 @@ def beside_a_first_open(folder: str) -> None:
     schema.recorded = recorded
 
     def child() -> None:
-        # After the migration, the thread may use its store already.
+        # After the migration, the thread may already use its store.
         with suppress(ForkedError):
             create("childs.db")
 
@@ -302,7 +302,7 @@ def beside_a_first_open(folder: str) -> None:
 
 
 def beside_a_thread_that_pushes(url: str, target: str) -> None:
-    """Fork while a thread holds what all pushes of the process share: the child can push."""
+    """Fork while a thread holds the lock that all pushes share: the child can push."""
     with kant_sql.connect(url) as kb:
         _save(kb, 1)
         kb.store.push(target)
@@ -327,7 +327,7 @@ def beside_a_thread_that_pushes(url: str, target: str) -> None:
 
 
 def beside_a_thread_that_asks(url: str) -> None:
-    """Fork while a thread holds what questions keep for later ones: the child asks them anew."""
+    """Fork while a thread holds the cache of questions: the child asks them again."""
     with kant_sql.connect(url) as kb:
         _save(kb, 1)
         kb.rules.save("there", "(sometime (robot_at rb1 wp1))")
@@ -356,7 +356,7 @@ def beside_a_thread_that_asks(url: str) -> None:
 
 
 def beside_a_thread_that_connects(url: str) -> None:
-    """Fork again and again while a thread opens and closes the store: children go on or say why."""
+    """Fork repeatedly while a thread opens and closes the store: children continue or say why."""
     with kant_sql.connect(url) as kb:
         _save(kb, 1)
 

@@ -1,4 +1,4 @@
-"""What processes do that open one store, and read and write it at the same time."""
+"""Processes that open one store, and read and write it at the same time."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NOBODY = 65534
 
 
 def connect_and_write(url: str, number: int, name: str = "tiago") -> int:
-    """Open a store, which may have to be created, and write once; give the revision."""
+    """Open a store, create it if needed, and write once; return the revision."""
     with kant_sql.connect(url, knowledge_base=name) as kb:
         assert kb.propositions.insert(robot_at(place=waypoint(number)))
         mine = f"(robot_at rb1 wp{number})"
@@ -29,13 +29,13 @@ def connect_and_write(url: str, number: int, name: str = "tiago") -> int:
 
 
 def upgrade_and_write(url: str, number: int) -> int:
-    """Create the tables of a store, if need be, and write once; give the revision."""
+    """Create the tables of a store if needed, and write once; return the revision."""
     kant_sql.upgrade(url)
     return connect_and_write(url, number)
 
 
 def _give_up_rights() -> None:
-    """Become a user whom permissions bind."""
+    """Become a user to whom permissions apply."""
     if os.geteuid() == 0:
         os.setgroups([])
         os.setgid(NOBODY)
@@ -43,7 +43,7 @@ def _give_up_rights() -> None:
 
 
 def read_but_not_write(url: str) -> None:
-    """Read a store with one fact in it, and be refused to write."""
+    """Read a store with one fact, and check that it refuses a write."""
     _give_up_rights()
     with kant_sql.connect(url) as kb:
         assert kb.propositions.get_all() == [robot_at()]
@@ -53,7 +53,7 @@ def read_but_not_write(url: str) -> None:
 
 
 def refused(url: str, error: type[KantSqlError]) -> str:
-    """Be refused to open a store; give what the error says."""
+    """Check that opening a store raises an error; return its text."""
     _give_up_rights()
     with pytest.raises(error) as caught:
         kant_sql.connect(url)
@@ -61,7 +61,7 @@ def refused(url: str, error: type[KantSqlError]) -> str:
 
 
 OTHER_DOMAIN = DOMAIN.replace("(open ?w - (either place crane))", "(busy)")
-# In each state, the truck is where its fuel says.
+# In each state, the truck is where its fuel requires.
 PROBLEMS = [
     PROBLEM,
     PROBLEM.replace("(at t1 p1) (= (fuel t1) 7.50)", "(at t1 p2) (= (fuel t1) 2) (ready c1)"),
@@ -70,7 +70,7 @@ STATES = {frozenset(read_problem(text).facts): text for text in PROBLEMS}
 
 
 def load_often(url: str, times: int) -> None:
-    """Open the knowledge base, and load one problem and the other."""
+    """Open the knowledge base, and load two problems in turn."""
     with kant_sql.connect(url, knowledge_base="tiago", actor="loading") as kb:
         load_often_with(kb, times)
 
@@ -81,7 +81,7 @@ def load_often_with(kb: KnowledgeBase, times: int) -> None:
 
 
 def read_often(url: str, times: int) -> int:
-    """Open the knowledge base, and read problems; give how often that was."""
+    """Open the knowledge base, and read problems; return how often."""
     with kant_sql.connect(url, knowledge_base="tiago", actor="reading") as kb:
         return read_often_with(kb, times)
 
@@ -93,14 +93,14 @@ def read_often_with(kb: KnowledgeBase, times: int) -> int:
 
 
 def check_whole(kb: KnowledgeBase, as_text: bool) -> None:
-    """Check that a problem is just what some load has made of it."""
+    """Check that a problem is exactly one that was loaded."""
     domain = kb.at(1).pddl.domain()
     problem = read_problem(kb.problem_pddl(), domain=domain) if as_text else kb.pddl.problem()
     assert problem == read_problem(STATES[frozenset(problem.facts)], domain=domain)
 
 
 def change_domain(url: str, times: int) -> None:
-    """Open the knowledge base, and load one domain and the other."""
+    """Open the knowledge base, and load two domains in turn."""
     with kant_sql.connect(url, knowledge_base="tiago", actor="changing") as kb:
         for number in range(times):
             kb.load_domain((OTHER_DOMAIN, DOMAIN)[number % 2])
@@ -108,5 +108,5 @@ def change_domain(url: str, times: int) -> None:
 
 
 def check_text_of_head(kb: KnowledgeBase) -> None:
-    """Check what is written at one revision, whatever others do meanwhile."""
+    """Check the texts of one revision, whatever others do meanwhile."""
     check_text(kb.at(kb.revision))

@@ -1,10 +1,10 @@
-"""A Python that has imported the library already: to import it takes most of a short program.
+"""A Python that has already imported the library, which takes most of a short program's time.
 
     python warm.py SOCKET MODULE...
 
 is a process that imports the modules and forks for each program; it ends with its input. The file
-that stands for `python` gives it its words, folder, environment and standard streams, passes on
-signals, and ends as the fork does.
+that replaces `python` passes on its arguments, folder, environment, standard streams and signals,
+and ends like the fork.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from typing import IO, Any, NoReturn
 
 import kant_sql
 
-# What the library and `kant-sql` import, some of it not before they need it.
+# The modules that the library and `kant-sql` import, some of them lazily.
 MODULES = (
     "alembic.command",
     "kant_sql.sql.dialects.postgresql",
@@ -44,7 +44,7 @@ MODULES = (
     "kant_sql.sql.predicate_views",
     "psycopg",
 )
-# What a planner's process imports.
+# The modules that a planner's process imports.
 PLANNING = (
     "unified_planning.shortcuts",
     "up_fast_downward",
@@ -70,15 +70,15 @@ sys.exit(code)
 
 @functools.cache
 def python(*modules: str) -> Path:
-    """Start the process, and give a program that stands for `python`.
+    """Start the process, and return a program that replaces `python`.
 
-    It knows `-m MODULE` and `FILE`. What it cannot tell: how Python starts, with other variables
-    such as PYTHONUTF8 or without a standard stream, and what is imported when.
+    It supports `-m MODULE` and `FILE`. It cannot show how Python starts, with other variables such
+    as PYTHONUTF8 or without a standard stream, and what is imported when.
 
     Args:
-        *modules: what it has imported.
+        *modules: the modules to import.
     """
-    # A short path: a socket's path ends at about 100 characters.
+    # A short path, because a socket's path ends at about 100 characters.
     folder = Path(tempfile.mkdtemp(prefix="kantpy"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     path, ask, program = folder / "socket", folder / "ask.py", folder / "python"
@@ -87,7 +87,7 @@ def python(*modules: str) -> Path:
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         cwd=Path(__file__).parents[3],
-        # A thread of a library that multiplies matrices could not be forked.
+        # A thread of a library that multiplies matrices would prevent the fork.
         env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
         start_new_session=True,
     )
@@ -95,9 +95,9 @@ def python(*modules: str) -> Path:
     assert process.stdout is not None
     assert process.stdout.readline() == b"ready\n"
     ask.write_text(ASK.format(path=str(path)))
-    # Where Python lies may have a space in it, which the first line of a script may not.
+    # The path of Python may have a space, but not in the first line of a script.
     own = shlex.quote(sys.executable)
-    # What is isolated imports little.
+    # An isolated Python imports little.
     isolated = f'[ "$1" = -IS ] && exec {own} "$@"'
     program.write_text(f'#!/bin/sh\n{isolated}\nexec {own} -IS {ask} "$@"\n')
     program.chmod(0o755)
@@ -105,7 +105,7 @@ def python(*modules: str) -> Path:
 
 
 class Server:
-    """Forks for each program, and tells who asked for it how it ended."""
+    """Forks for each program, and reports to its caller how it ended."""
 
     def __init__(self, listener: socket.socket) -> None:
         self._listener = listener
@@ -129,7 +129,7 @@ class Server:
     def _start(self, client: socket.socket) -> None:
         size, streams, _, _ = socket.recv_fds(client, 4, 3)
         said = client.recv(int.from_bytes(size), socket.MSG_WAITALL)
-        # Only the fork keeps the other end: this one is at its end when the fork is.
+        # Only the fork keeps the other end, so this one ends with the fork.
         alive, held = os.pipe()
         pid = os.fork()
         if pid == 0:
@@ -179,19 +179,19 @@ def run(streams: list[int], words: list[str], folder: str, environment: dict[str
         code = 1
         traceback.print_exc()
     finally:
-        # The end of Python takes longer than most programs: it would free all that is imported.
+        # The end of Python takes longer than most programs, because it frees all imports.
         os._exit(code)
 
 
 def exit_code(words: list[str]) -> int:
-    """Run a program, and tell its exit code."""
+    """Run a program, and return its exit code."""
     is_module = words[0] == "-m"
     sys.argv = words[is_module:]
     try:
         if is_module:
             sys.path.insert(0, os.getcwd())
             if not hasattr(sys.modules.get(words[1]), "__path__"):
-                # It would be warned of if it were there already.
+                # `runpy` would warn if the module were already there.
                 sys.modules.pop(words[1], None)
             runpy.run_module(words[1], run_name="__main__", alter_sys=True)
         else:
@@ -210,7 +210,7 @@ def _stream(number: int, mode: str, **options: Any) -> IO[str]:
 
 
 def _use() -> None:
-    """Use a store: what it needs is imported then, and its statements are compiled."""
+    """Use a store, so lazy imports are done and statements are compiled."""
     with tempfile.TemporaryDirectory() as folder:
         url = f"sqlite:///{folder}/store.db"
         with kant_sql.connect(url) as kb:
@@ -219,15 +219,15 @@ def _use() -> None:
             for command in ("show", "log"):
                 with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
                     app([command, url])
-    # Each program finds its own, by its environment.
+    # Each program must find its own, by its environment.
     tempfile.tempdir = None
 
 
 def main(path: str, *modules: str) -> None:
-    """Import the modules, and answer."""
+    """Import the modules, and serve."""
     sys.path[0] = os.getcwd()
     for module in modules:
-        # A planner that is not installed is not asked either.
+        # Programs do not ask for a planner that is not installed.
         with contextlib.suppress(ModuleNotFoundError):
             importlib.import_module(module)
     _use()
@@ -235,7 +235,7 @@ def main(path: str, *modules: str) -> None:
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(path)
         listener.listen()
-        # A fork copies no page of an object that is not collected.
+        # A fork copies no page with an object that is not collected.
         gc.freeze()
         print("ready", flush=True)
         Server(listener).serve()

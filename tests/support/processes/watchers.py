@@ -26,7 +26,7 @@ _thread = threading.local()
 
 
 def _announced(made: Listener) -> Listener:
-    """Let a listener of this thread say when it listens."""
+    """Let a listener of this thread report when it listens."""
     wait, listens = made.wait, getattr(_thread, "listens", threading.Event())
 
     def told(kb_id: int | None, seconds: float) -> None:
@@ -38,7 +38,7 @@ def _announced(made: Listener) -> Listener:
 
 
 class Waiting:
-    """A call of `kb.watch` in a thread of its own, which waits already."""
+    """A waiting call of `kb.watch` in its own thread."""
 
     def __init__(self, kb: KnowledgeBase, after: int | None, timeout: float | None) -> None:
         self._listens = threading.Event()
@@ -49,12 +49,12 @@ class Waiting:
     def _watch(self, kb: KnowledgeBase, after: int | None, timeout: float | None) -> int | None:
         backend = kb.store.factory._store.backend  # type: ignore[attr-defined]
         _thread.listens = self._listens
-        # Of several threads, any may have put it there: each finds its own event.
+        # Any of several threads may have set it: each finds its own event.
         backend.listener = lambda: _announced(type(backend).listener(backend))
         return kb.watch(after, timeout=timeout)
 
     def listens(self) -> None:
-        """Wait until it has begun to listen, or raise the error that it ended with."""
+        """Wait until it listens, or raise the error that ended it."""
         end = time.monotonic() + PATIENCE
         while not self._listens.wait(0.1):
             if self._call.done() and not self._listens.is_set():
@@ -62,7 +62,7 @@ class Waiting:
             assert time.monotonic() < end
 
     def result(self) -> int | None:
-        """Give what the call gave."""
+        """Return the result of the call."""
         return self._call.result(PATIENCE)
 
 
@@ -70,18 +70,18 @@ class Waiting:
 def waiting(
     kb: KnowledgeBase, after: int | None = None, timeout: float | None = None
 ) -> Iterator[Waiting]:
-    """Wait for news in another thread; when the block begins, that thread listens."""
+    """Wait for news in another thread, which listens when the block begins."""
     call = Waiting(kb, after, timeout)
     call.listens()
     yield call
 
 
 def follow(folder: Path, url: str, tell: Connection) -> None:
-    """Follow a feed for ever, and keep on disk what was seen: it may be killed at any moment."""
+    """Follow a feed for ever, and keep the seen revisions on disk, because it may be killed."""
     with kant_sql.connect(url, knowledge_base="tiago") as kb, (folder / "seen").open("a") as seen:
         tell.send("begins")
         while True:
-            # A server that is killed may stay away for longer than a call tries again.
+            # A killed server may stay away for longer than a call retries.
             with suppress(ConnectionLostError, StoreUnreachableError):
                 _follow_once(kb, folder, seen, tell)
 
@@ -102,12 +102,12 @@ def _follow_once(kb: KnowledgeBase, folder: Path, seen: TextIO, tell: Connection
 
 
 def write_many(url: str, first: int, number: int) -> None:
-    """Make so many revisions."""
+    """Make some revisions."""
     with kant_sql.connect(url, knowledge_base="tiago") as kb:
         for place in range(first, first + number):
             assert kb.objects.insert(waypoint(place))
 
 
 def open_files() -> int:
-    """Count the files that this process has open."""
+    """Count the open files of this process."""
     return len(os.listdir("/proc/self/fd"))

@@ -1,6 +1,6 @@
-"""Processes of the tests' own: calls that run at the same moment, writers to be killed, forks.
+"""Processes of the tests: simultaneous calls, writers to kill, forks.
 
-They are forked from a server that has imported this module, and never from pytest itself, which has
+They are forked from a server that has imported this module, never from pytest itself, which has
 threads and open connections.
 """
 
@@ -26,14 +26,14 @@ from tests.support.worlds import counter
 PROCESSES = multiprocessing.get_context("forkserver")
 PROCESSES.set_forkserver_preload([__name__, *MODULES])
 PATIENCE = 60
-# What is ignored in the process that starts the tests, as by `nohup` or a shell's `&`.
+# The signals that the starting process may ignore, as with `nohup` or a shell's `&`.
 STOPPING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
 
 Call = tuple[Any, ...]
 
 
 def wait_for(is_so: Callable[[], object]) -> None:
-    """Wait until something is so, which comes soon."""
+    """Wait until a condition is true, which must happen soon."""
     end = time.monotonic() + PATIENCE
     while not is_so():
         assert time.monotonic() < end
@@ -41,13 +41,13 @@ def wait_for(is_so: Callable[[], object]) -> None:
 
 
 def in_processes(*calls: Call) -> list[Any]:
-    """Run calls at the same moment, each in a process of its own.
+    """Run calls at the same moment, each in its own process.
 
     Args:
-        *calls: a function that a module can be asked for, and its arguments.
+        *calls: functions that can be imported from a module, with their arguments.
 
     Returns:
-        What each of them returned.
+        The result of each call.
 
     Raises:
         AssertionError: one of them raised; the message is its traceback.
@@ -86,7 +86,7 @@ def _run(answer: Connection, barrier: Barrier, call: Call) -> None:
 
 @contextmanager
 def killed_later(work: Callable[[str, Connection], None], url: str) -> Iterator[Connection]:
-    """Run a writer in a process of its own, until the end of the block; then it is killed."""
+    """Run a writer in its own process until the end of the block, then kill it."""
     told, tell = PROCESSES.Pipe(duplex=False)
     process = PROCESSES.Process(target=work, args=(url, tell), daemon=True)
     process.start()
@@ -100,7 +100,7 @@ def killed_later(work: Callable[[str, Connection], None], url: str) -> Iterator[
 
 
 def dies(work: Callable[..., None], *arguments: object) -> bool:
-    """Run a writer in a process of its own to its end; tell whether it was killed."""
+    """Run a writer in its own process to its end; return whether it was killed."""
     process = PROCESSES.Process(target=work, args=arguments, daemon=True)
     process.start()
     process.join(PATIENCE)
@@ -124,7 +124,7 @@ class Child:
                 os._exit(status)
 
     def join(self) -> None:
-        """Wait until it has come to its end, and check that it is a good one."""
+        """Wait for its end, and check that it succeeded."""
         deadline = time.monotonic() + 2 * PATIENCE
         ended, status = os.waitpid(self._pid, os.WNOHANG)
         while not ended:
@@ -149,13 +149,13 @@ def change(url: str, work: Callable[[KnowledgeBase], None]) -> None:
 
 
 def watch(url: str, end: int) -> None:
-    """Open the knowledge base of the counter, and read it until it is at its end."""
+    """Open the knowledge base of the counter, and read it until the counter reaches its end."""
     with kant_sql.connect(url, knowledge_base="tiago") as kb:
         watch_with(kb, end)
 
 
 def watch_with(kb: KnowledgeBase, end: int) -> None:
-    """Read the counter until it is at its end."""
+    """Read the counter until it reaches its end."""
     reads = last = 0
     while last < end:
         value = counter.read(kb) if reads % 2 else counter.read_by_calls(kb)

@@ -1,7 +1,7 @@
-"""A counter kept as facts, which shows what writers lose, and when readers see half a revision.
+"""A counter kept as facts, which shows lost writes, and reads of half a revision.
 
-`(value c n17)` says that the counter is at 17. `(copy c n17)` says so too, and each revision
-changes both, so that a state in which they differ is not a revision's.
+`(value c n17)` says that the counter is at 17. `(copy c n17)` says the same, and each revision
+changes both, so a state in which they differ belongs to no revision.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ COPY = kant_sql.PddlPredicateDto("copy", [COUNTER, NUMBER])
 
 
 def facts_of(number: int) -> list[kant_sql.PddlPropositionDto]:
-    """The facts that say that the counter is at a number."""
+    """Return the facts of a counter at a number."""
     at = kant_sql.PddlObjectDto(NUMBER, f"n{number}")
     return [
         kant_sql.PddlPropositionDto(predicate, [THE_COUNTER, at]) for predicate in (VALUE, COPY)
@@ -31,7 +31,7 @@ def start(kb: kant_sql.KnowledgeBase) -> None:
 
 
 def number_of(facts: Iterable[kant_sql.PddlPropositionDto]) -> int:
-    """What the facts of one predicate say of the counter."""
+    """Return the counter's number by the facts of one predicate."""
     (fact,) = facts
     return int(fact.objects[1].name[1:])
 
@@ -56,7 +56,7 @@ def read_by_calls(kb: kant_sql.KnowledgeBase) -> int:
 
 
 def move(kb: kant_sql.KnowledgeBase, value: int) -> None:
-    """Move the counter on by one, within a transaction."""
+    """Advance the counter by one, within a transaction."""
     for fact in facts_of(value):
         assert kb.propositions.delete(fact)
     for fact in facts_of(value + 1):
@@ -71,7 +71,7 @@ def increment(kb: kant_sql.KnowledgeBase, times: int) -> None:
 
 
 def increment_expecting(kb: kant_sql.KnowledgeBase, times: int) -> None:
-    """Count, each time from a revision that was read before and is expected not to have passed."""
+    """Count, each time expecting the revision that was read before."""
     for _ in range(times):
         while True:
             seen = kb.at(kb.revision)

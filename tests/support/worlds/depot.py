@@ -1,4 +1,4 @@
-"""A world in which the constructs of the language have something to speak of."""
+"""A world with an element for each construct of the language."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ IDLE = f.Atom("idle")
 
 
 def load(kb: KnowledgeBase, problem: str = PROBLEM) -> int:
-    """Put the world into an empty knowledge base; give its revision."""
+    """Load the world into an empty knowledge base; return its revision."""
     with kb.transaction():
         kb.load_domain(DOMAIN)
         kb.load_problem(problem)
@@ -68,18 +68,18 @@ def over(*formulas: f.Formula) -> tuple[f.Formula, ...]:
 
 
 def again(kb: KnowledgeBase) -> KnowledgeBase:
-    """The same knowledge base, as a newcomer reads it from the tables."""
+    """Return the same knowledge base, read from the tables by a new connection."""
     return beside(kb, kb.store.factory._store.name)  # type: ignore[attr-defined]
 
 
 def check_text(kb: KnowledgeBase) -> None:
-    """Check that what is written of a knowledge base is what it holds."""
+    """Check that the text of a knowledge base matches its content."""
     domain = kb.pddl.domain()
     assert read_domain(kb.domain_pddl()) == domain
     assert read_problem(kb.problem_pddl(), domain=domain) == kb.pddl.problem()
 
 
-# Formulas without free variables, by what they are.
+# Formulas without free variables, by description.
 CONDITIONS: dict[str, f.Formula] = {
     "a literal": f.Not(at()),
     "a constant": at(T1, HUB),
@@ -115,7 +115,7 @@ CONDITIONS: dict[str, f.Formula] = {
     "preferences for all": f.Forall((TRUCK,), f.Preference("each", at(T))),
 }
 
-# What may be an effect of an action that is not durative, with ?t and ?p.
+# Effects of an instantaneous action with ?t and ?p.
 EFFECTS: dict[str, f.Formula] = {
     "add": at(T, P),
     "delete": f.Not(at(T, P)),
@@ -134,7 +134,7 @@ EFFECTS: dict[str, f.Formula] = {
     "object fluent of another": f.Assign("assign", home(T), home(T1)),
 }
 
-# What may be an effect of a durative action.
+# Effects of a durative action.
 TIMED_EFFECTS: dict[str, f.Formula] = {
     "at start": f.Timed("at start", f.Not(at(T, P))),
     "at end": f.Timed("at end", f.And((at(T, P), f.Assign("increase", fuel(T), DURATION)))),

@@ -1,4 +1,4 @@
-"""A world of robots on a graph of places, with all that conditions can ask."""
+"""A world of robots on a graph of places, with elements for all conditions."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Knowledge that attacks whoever looks at it: names, reasons and sources that would be markup.
+"""Knowledge that attacks its readers: names, reasons and sources that could be markup.
 
-`hacked` becomes a global variable of a page in which any of it runs as a script; an element or an
-attribute of its own has a name that no template has.
+`hacked` becomes a global variable of a page if any of it runs as a script; its elements and
+attributes have names that no template has.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from kant_sql.acts import Outcome
 
 BIDI = "\u202egpj.exe\u202c \u2066hidden\u2069 \u200bzero\u200e"
 LONG = "<b>" + "very-long-" * 1000
-# Each can be a name of PDDL: no space, quote, parenthesis or semicolon.
+# Each is a legal name in PDDL: no space, quote, parenthesis or semicolon.
 NAMES = (
     *("<script>hacked=1</script>", "</script><script>hacked=1</script>"),
     *("<img/src=x/onerror=hacked=1>", "<svg/onload=hacked=1>", "<hostile-element/hostile=1>"),
@@ -51,9 +51,9 @@ _DOMAIN = """(define (domain {0}) (:requirements :typing :durative-actions :flue
 
 
 def record_hostile(url: str) -> str:
-    """Record the knowledge in a store; gives the URL."""
+    """Record the knowledge in a store; return the URL."""
     for name in TEXTS:
-        # A database may refuse one, a name with a NUL, say, or one that is too long to be indexed.
+        # A database may refuse some names, such as one with a NUL, or one too long to index.
         with suppress(KantSqlError), kant_sql.connect(url, knowledge_base=name, actor=name) as kb:
             kb.load_domain("(define (domain d) (:predicates (p)))")
             kb.propositions.save("(p)")
@@ -111,10 +111,10 @@ def text_columns(path: str) -> list[tuple[str, str]]:
 
 
 def overwrite(path: str, table: str, column: str) -> bool:
-    """Write an attack over all texts of a column, as somebody can who writes into the file.
+    """Write an attack over all texts of a column, as anybody can who writes into the file.
 
     Returns:
-        Whether the database let it.
+        Whether the database allowed it.
     """
     attack = '"><script>hacked=1</script><hostile-element hostile="1" onmouseover="hacked=1">'
     with closing(sqlite3.connect(path)) as file, suppress(sqlite3.Error), file:

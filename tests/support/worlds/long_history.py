@@ -1,4 +1,4 @@
-"""A long history, written by the database itself: the library would take minutes to write it."""
+"""A long history, written by the database itself: the library would take minutes."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _STATEMENTS = (
 
 
 def write_long_history(url: str, revisions: int) -> None:
-    """Write that a fact came and went with each revision. The hashes are not computed.
+    """Write a fact that comes and goes with each revision. The hashes are not computed.
 
     Args:
         url: a store without a knowledge base.
-        revisions: how many there are.
+        revisions: the number of revisions.
     """
     with kant_sql.connect(url, knowledge_base=NAME, actor="test") as kb:
         kb.propositions.save(robot_at())

@@ -1,4 +1,4 @@
-"""A mission that tests share: a robot drives from place to place, and has a plan for it."""
+"""A mission that tests share: a robot drives from place to place by a plan."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def plan_of(*steps: PlanStep, revision: int | None = None) -> Plan:
 
 
 def begin(kb: KnowledgeBase) -> None:
-    """Let a knowledge base know the mission, in one revision."""
+    """Save the mission in a knowledge base, in one revision."""
     with kb.transaction():
         kb.load_domain(DOMAIN)
         kb.load_problem(PROBLEM)
@@ -70,10 +70,10 @@ def recorded(kb: KnowledgeBase) -> RecordedPlan:
 
 
 def arrive(kb: KnowledgeBase, place: str) -> None:
-    """Let the robot be at one place more."""
+    """Save that the robot is at one more place."""
     assert kb.propositions.insert(f"(at rb1 {place})")
 
 
 def beside_of(kb: KnowledgeBase) -> KnowledgeBase:
-    """A knowledge base in the same store that was never written to."""
+    """Return a knowledge base in the same store that was never written to."""
     return beside(kb, f"beside {kb.store.factory._store.name}")  # type: ignore[attr-defined]

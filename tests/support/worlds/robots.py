@@ -33,17 +33,17 @@ WP2 = PddlObjectDto(WAYPOINT, "wp2")
 def robot_at(
     robot: PddlObjectDto = RB1, place: PddlObjectDto = WP1, is_goal: bool = False
 ) -> PddlPropositionDto:
-    """The fact, or the goal, that a robot is at a place."""
+    """Return the fact, or the goal, that a robot is at a place."""
     return PddlPropositionDto(ROBOT_AT, [robot, place], is_goal)
 
 
 def waypoint(number: int) -> PddlObjectDto:
-    """A place of the given number."""
+    """Return the place with a number."""
     return PddlObjectDto(WAYPOINT, f"wp{number}")
 
 
 def navigation() -> PddlActionDto:
-    """The paper's action: a robot goes from a source to a destination."""
+    """Return the paper's action: a robot goes from a source to a destination."""
     r, s, d = (
         PddlObjectDto(ROBOT, "r"),
         PddlObjectDto(WAYPOINT, "s"),
@@ -62,21 +62,21 @@ def navigation() -> PddlActionDto:
 
 
 def changed(change: Callable[[PddlActionDto], object]) -> PddlActionDto:
-    """The same action, changed."""
+    """Return the same action, changed."""
     action = navigation()
     change(action)
     return action
 
 
 def literals(parts: Iterable[PddlConditionEffectDto | Node]) -> list[PddlConditionEffectDto]:
-    """What an action needs or does, when literals are all of it."""
+    """Return the parts of an action's condition or effect, which must all be literals."""
     found = [part for part in parts if isinstance(part, PddlConditionEffectDto)]
     assert found == list(parts)
     return found
 
 
 def assigned(dto: D, **fields: object) -> D:
-    """Give a DTO with fields that its constructor would refuse: they are public, and unchecked."""
+    """Set fields of a DTO that its constructor would refuse: they are public and unchecked."""
     for name, value in fields.items():
         setattr(dto, name, value)
     return dto
@@ -89,12 +89,12 @@ STEP = Decimal("0.1")
 
 
 def distance(number: int, value: int = 1) -> PddlFunctionValueDto:
-    """How far it is to the place of a number."""
+    """Return the distance to the place with a number."""
     return PddlFunctionValueDto(DISTANCE, [WP1, waypoint(number)], value)
 
 
 def charge(kb: KnowledgeBase, times: int) -> None:
-    """Charge, each time by one step more than the step back that follows."""
+    """Charge, each time by one step more than the following step back."""
     for _ in range(times):
         kb.function_values.increase("battery", objects=["rb1"], by=2 * STEP)
         with kb.transaction(reason="used"):
@@ -102,7 +102,7 @@ def charge(kb: KnowledgeBase, times: int) -> None:
 
 
 def charge_often(kb: KnowledgeBase) -> None:
-    """What a process does."""
+    """Charge as one process of several."""
     charge(kb, 10)
 
 
@@ -117,7 +117,7 @@ ELEMENTS = {
     "function_values": PddlFunctionValueDto(BATTERY, [RB1], 1),
 }
 
-# Each makes a revision: what holds comes and goes, and so do definitions, each in several ways.
+# Each makes a revision: facts and definitions come and go, in several ways.
 STORY: list[Callable[[KnowledgeBase], object]] = [
     lambda kb: kb.propositions.save(robot_at()),
     lambda kb: kb.actions.save(navigation()),

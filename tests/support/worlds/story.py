@@ -1,4 +1,4 @@
-"""A store in which every table has rows, and many kinds of rows."""
+"""A store with rows in every table, of many kinds."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def write_story(url: str, archive_url: str) -> None:
 
 
 def _change(kb: KnowledgeBase) -> None:
-    """Redefine and retract, so that there are versions that ended."""
+    """Redefine and retract, so some versions have ended."""
     kb.goals.save(CONDITIONS["shadowed"])
     kb.goals.save(CONDITIONS["fluent as a term"])
     kb.goals.save(Or((CONDITIONS["object fluent"], CONDITIONS["arithmetic"])))
@@ -70,7 +70,7 @@ def _change(kb: KnowledgeBase) -> None:
     kb.pddl.constraints.save(CONSTRAINTS["hold-during"])
     with kb.transaction():
         kb.propositions.delete("(at t1 p1)")
-        # All that is said of it goes into the archive.
+        # Its whole history goes into the archive.
         kb.propositions.delete("(linked hub p1)")
     kb.propositions.save("(at t1 p1)")
     kb.function_values.set("fuel", objects=["t1"], value=Decimal("5.25"))
@@ -105,7 +105,7 @@ def _carry_out(kb: KnowledgeBase, plan: RecordedPlan) -> None:
 
 
 def write_whole_story(url: str) -> None:
-    """Fill an empty store and archive nothing: each table but one has rows, and rows that ended."""
+    """Fill an empty store without an archive: each table but one has rows, also ended ones."""
     with kant_sql.connect(url, knowledge_base="tiago", actor="loader") as kb:
         kb.load_domain(DOMAIN)
         with kb.transaction(reason="monday", source={"file": "monday.pddl"}):
