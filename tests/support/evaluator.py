@@ -315,7 +315,7 @@ class Evaluator:
     def begun(
         self, action: ActionLike, arguments: Sequence[str], given: Fraction | None = None
     ) -> Evaluator | None:
-        """The state right after the start of a step, with its duration; None if it cannot begin."""
+        """Return the state right after a step begins, with its duration; None if it cannot."""
         time = f.AT_START if action.duration else None
         here = self
         if action.duration:
