@@ -622,7 +622,7 @@ def consequences(
 
     Raises:
         InvalidKnowledgeError: it is not a fact or a fluent.
-        UnknownNameError: it names what never was.
+        UnknownNameError: its names never existed.
 
     Examples:
         >>> kb.consequences("(robot_at rb1 wp1)").links
@@ -648,7 +648,7 @@ def origins(
 
     Raises:
         InvalidKnowledgeError: it is not a fact or a fluent.
-        UnknownNameError: it names what never was.
+        UnknownNameError: its names never existed.
 
     Examples:
         >>> [(link.kind, link.made) for link in kb.origins("(robot_at rb1 wp1)")]

@@ -126,7 +126,7 @@ def save(
             must be known.
         on_violation: `report`, so `kb.pddl.check_rules` and `kb.watch_rules` judge it; or
             `refuse`, so each transaction that would violate it fails, including this one. Only
-            rules that a single state can violate refuse: `always`, `at-most-one` and
+            rules that a single state can violate can refuse: `always`, `at-most-one` and
             `exactly-one`, in conjunctions and universal quantifiers.
 
     Returns:

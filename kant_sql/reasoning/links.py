@@ -36,7 +36,7 @@ class CausalLink:
     Attributes:
         supporter: the index in the plan of the step that made it true; None for the state before
             the plan, or a timed initial literal.
-        literal: the fact or its negation as PDDL text; a fluent that has a value, negated if none.
+        literal: the fact or its negation as PDDL text; a fluent, negated if it has no value.
         position: the index of the step that needs it; None for the goal.
     """
 

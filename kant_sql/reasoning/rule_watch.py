@@ -47,9 +47,9 @@ def watch_rules(
 ) -> Iterator[Verdict]:
     """Follow rules: each verdict comes with the commit that decides it.
 
-    It is the verdict of `check_rules` if that revision were the last, but `pending` if a later one
-    can fulfil the rule, such as `(sometime ...)`. A violated rule stays violated. A rule is judged
-    by the changes of each revision, and none is left out: resume with `after`, as for `watch`.
+    It is the verdict of `check_rules` up to that revision, but `pending` if a later one can fulfil
+    the rule, such as `(sometime ...)` before it held. A violated rule stays violated. A rule is
+    judged by each revision's changes, and none is left out: resume with `after`, as for `watch`.
 
     Args:
         rules: as for `check_rules`; None for the rules that the store keeps (`kb.rules`), each

@@ -92,8 +92,8 @@ class EffectItem:
     terms: tuple[r.Place, ...]
     value: r.Quantity | r.Place | None  # the assigned number or object
     bound: tuple[r.Bound, ...]  # the variables that it ranges over
-    condition: r.Part  # what must hold right before the effect
-    earlier: r.Part  # what must have held at the start of a durative action
+    condition: r.Part  # the condition right before the effect
+    earlier: r.Part  # the condition at the start of a durative action
     # Holds if an object fluent in its terms or its value has no value, over the variables of
     # `around`.
     lacking: r.Part

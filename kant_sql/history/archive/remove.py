@@ -217,7 +217,7 @@ def refuse_without_right(store: Store) -> None:
 
 
 def remove(session: Session, kb_id: int, leaving: Leaving) -> None:
-    """Remove archived versions and what only they need, and record it in the head."""
+    """Remove archived versions and the rows that only they need, and record it in the head."""
     # Names stay, with their spelling and id, and so do ground atoms of objects with a version:
     # they may come back, and a state lists elements by id. Atoms of an object without a version go,
     # unless they have confirmations or sayings.

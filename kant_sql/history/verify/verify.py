@@ -261,7 +261,7 @@ def verify(
             indexes.
         resume: continue after the kept revision, if there is one.
         keep: keep the last verified revision, if there are no findings; otherwise remove the kept
-            one, so that the next verification begins at revision 1. A read-only user keeps nothing.
+            one, so the next verification begins at revision 1. A read-only user keeps nothing.
 
     Returns:
         The findings, each with the first affected revision and the difference.
