@@ -321,7 +321,7 @@ def test_of_two_archives_the_one_that_has_all_is_named(
     kb.store.archive(kb.revision - 3, to=f"sqlite:///{first}")
     shutil.copy(first, second)
     kb.store.archive(kb.revision, to=f"sqlite:///{second}")
-    with pytest.raises(ConflictError, match=re.escape(f"to the archive sqlite:///{second}, ")):
+    with pytest.raises(ConflictError, match=re.escape(f"in the archive sqlite:///{second}, ")):
         kb.erase(NAME, reason="asked")
     kb.erase(NAME, reason="asked", archive=f"sqlite:///{second}")
 

@@ -38,4 +38,4 @@ def test_a_reader_gives_the_token_once(sqlite_story: str, serve: Serve, visit: V
     assert running.token not in log
     lines = log.splitlines()
     assert len(lines) == len(LOOKS) + 2
-    assert all(" 401, it" in line for line in lines)
+    assert all(" 401, " in line and "the token" in line for line in lines)
