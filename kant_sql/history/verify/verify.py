@@ -122,12 +122,6 @@ def keep(
     when this one began.
     """
 
-    def refuse(row: Row | None) -> None:
-        if row is not None and row[0] == _FAULT:
-            raise ConflictError(
-                f"{store.backend.label}: another verification found a fault meanwhile; verify again"
-            )
-
     def write(session: Session) -> None:
         now = session.from_time(store.clock(session))
         last = None if before is None else before.complete_at
@@ -136,18 +130,14 @@ def keep(
         if session.run(_MOVE, kb=kb_id, seen=seen, **given):
             return
         row = session.first(_READ, kb=kb_id)
-        refuse(row)
         if row is None:
             session.insert(whole_rows(table_of(_ROW)), [(kb_id, number, digest, now, complete)])
+        elif row[0] == _FAULT:
+            raise ConflictError(
+                f"{store.backend.label}: another verification found a fault meanwhile; verify again"
+            )
 
-    try:
-        store.write_beside(write)
-    except StoreIntegrityError:
-        # Another verification has kept its end at the same moment.
-        row = store.query(lambda session, _: session.first(_READ, kb=kb_id))
-        refuse(row)
-        if row is None:
-            raise
+    _write_row(store, write)
 
 
 def forget(store: Store, kb_id: int) -> None:
@@ -158,10 +148,14 @@ def forget(store: Store, kb_id: int) -> None:
         if not session.run(_MARK, kb=kb_id, now=now):
             session.insert(whole_rows(table_of(_ROW)), [(kb_id, _FAULT, "", now, None)])
 
+    _write_row(store, write)
+
+
+def _write_row(store: Store, write: Callable[[Session], None]) -> None:
+    """Write the kept row, again if another verification has inserted it at the same moment."""
     try:
         store.write_beside(write)
     except StoreIntegrityError:
-        # Another verification has kept its end at the same moment.
         store.write_beside(write)
 
 
