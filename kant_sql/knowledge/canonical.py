@@ -333,7 +333,7 @@ def _hash(link: _Link, said: tuple[str, str, str], lines: Iterator[str]) -> str:
     while batch := ",".join(islice(lines, _BATCH)):
         digest.update(text.encode())
         text = f",{batch}"
-    _, _, _, observed, plan_step = metadata
+    observed, plan_step = metadata.observed_at, metadata.plan_step
     seen = "null" if observed is None else f'"{time_text(observed)}"'
     step = "null" if plan_step is None else "[{},{}]".format(*plan_step)
     digest.update(

@@ -164,7 +164,11 @@ T = TypeVar("T")
 _WRONG_VALUES = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
 # The kept revision only saves time: these errors leave the verdict as it is.
 _NOT_KEPT = (
-    *(*PASSING, ConflictError, ReadOnlyError, StatementTimeoutError, StoreFullError),
+    *PASSING,
+    ConflictError,
+    ReadOnlyError,
+    StatementTimeoutError,
+    StoreFullError,
     TransactionOpenError,
 )
 # The number of progress reports.
