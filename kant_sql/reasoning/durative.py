@@ -17,7 +17,13 @@ from typing import Any
 
 from ..acts import Execution
 from ..acts.executions import report
-from ..acts.recording import key_of, read_execution, running_executions, set_outcome
+from ..acts.recording import (
+    ExecutionReader,
+    key_of,
+    read_execution,
+    running_executions,
+    set_outcome,
+)
 from ..arguments import flag
 from ..dto import formulas as f
 from ..dto.elements import value_text
@@ -479,7 +485,7 @@ def find_broken(
         asked: list[tuple[Execution, list[f.Formula], bool]] = []
         for step in running:
             try:
-                of_step = ground(view.definitions, step)
+                of_step = _present(store, view, step)
             except InvalidKnowledgeError as error:  # Its action or an object is gone.
                 found.append((step, FailedCondition("the step", str(error))))
                 continue
@@ -496,6 +502,17 @@ def find_broken(
 
     broken = store.read_in_snapshot(work, at)
     return [BrokenInvariant(step, one, broken_since(store, step, one, at)) for step, one in broken]
+
+
+def _present(store: Store, view: View, step: Execution) -> GroundStep:
+    """Find the objects of a step, also if a name was erased after the step was read."""
+    try:
+        return ground(view.definitions, step)
+    except InvalidKnowledgeError:
+        now = ExecutionReader(store, view).one(key_of(step))
+        if now is None or str(now) == str(step):
+            raise
+        return ground(view.definitions, now)
 
 
 def broken_since(

@@ -49,6 +49,7 @@ from .validate import GivenPlan, read_any_plan
 Dispatch = Callable[[Execution], object]
 # With more revisions, find those that changed the state first: a camera may confirm much.
 FEW = 8
+_REFUSED = (NotApplicableError, RuleViolatedError, InvalidKnowledgeError)
 _CANCELLED = (asyncio.CancelledError, futures.CancelledError)
 
 
@@ -377,13 +378,18 @@ class Executive:
                 self._pause = min(due - now, threading.TIMEOUT_MAX)
                 return False
         try:
-            begun = begin_running(self._store, step, self.reason)
+            return self._begin(step, now)
         except PlanError:
             self._left[0] = read_execution(self._store, key_of(step))
             if str(self._left[0]) == str(step):
                 raise
             return self._begins()  # A name in it was erased meanwhile.
-        except (NotApplicableError, RuleViolatedError, InvalidKnowledgeError) as error:
+
+    def _begin(self, step: Execution, now: float) -> bool:
+        """Begin a step; if it is refused, wait as long as it may wait, then end the plan."""
+        try:
+            begun = begin_running(self._store, step, self.reason)
+        except _REFUSED as error:
             if self.replan is not None and self._remaining.look(self.state, self._plan())[0]:
                 # Somebody changed it since we looked.
                 self._pause = 0
@@ -448,11 +454,15 @@ class Executive:
                 found = self._store.read_definitions(lambda known: ground(known, now))
                 finish = end if found.action.is_durative else apply
                 finish(self.state, now, reason=self.reason)
-            except (NotApplicableError, RuleViolatedError, InvalidKnowledgeError) as error:
-                self._fail(step, self._broken(step, error))
-                return
-            except PlanError as error:  # Somebody else has just ended it.
-                if read_execution(self._store, key).outcome != SUCCEEDED:
+            except (*_REFUSED, PlanError) as error:
+                after = read_execution(self._store, key)
+                if str(after) != str(now):  # A name in it was erased meanwhile.
+                    self._conclude(step, said)
+                    return
+                if not isinstance(error, PlanError):
+                    self._fail(step, self._broken(step, error))
+                    return
+                if after.outcome != SUCCEEDED:  # Somebody else has just ended it.
                     self._stop(step, said=_failure(error))
                     return
         elif now.outcome != SUCCEEDED:

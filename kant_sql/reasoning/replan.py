@@ -216,8 +216,8 @@ def _as_now(state: State, plan: RecordedPlan) -> RecordedPlan:
     return SqlPlanDao(state.store).get(plan.id) or plan
 
 
-def _outcomes(plan: RecordedPlan) -> list[str | None]:
-    return [step.outcome for step in plan.steps]
+def _as_read(plan: RecordedPlan) -> list[tuple[str, str | None]]:
+    return [(str(step), step.outcome) for step in plan.steps]
 
 
 class Remaining:
@@ -229,7 +229,7 @@ class Remaining:
         self._broken: str | None = None
         self._goal: _Needs = frozenset()
         self._steps: dict[int | None, _Needs] = {}
-        self._outcomes: list[str | None] = []
+        self._read: list[tuple[str, str | None]] = []
 
     def look(self, state: State, plan: RecordedPlan) -> tuple[str | None, bool]:
         """Return why the plan, at present, is broken, if it is, and whether it was validated."""
@@ -237,11 +237,11 @@ class Remaining:
         is_committed, head = state.store.current() is None, head_revision(state)
         known = self._known if is_committed else None
         # A succeeded step may not have had its effects.
-        before, self._outcomes = self._outcomes, _outcomes(plan)
+        before, self._read = self._read, _as_read(plan)
         if (
             known is not None
             and known <= head
-            and before == self._outcomes
+            and before == self._read
             and not self._is_touched(state.store, plan, known + 1, head)
         ):
             self._known = head
@@ -252,8 +252,8 @@ class Remaining:
         self._broken, is_judged = _why_broken(task, plan, actions)
         if self._broken is not None:
             now = _as_now(state, plan)
-            if _outcomes(now) != self._outcomes:
-                # A step has begun or ended between reading the plan and the state.
+            if _as_read(now) != self._read:
+                # A step has begun or ended, or a name was erased, since the plan was read.
                 return self.look(state, now)
         self._known = task.revision if is_committed and is_judged else None
         return self._broken, is_judged

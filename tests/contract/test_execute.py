@@ -329,6 +329,30 @@ def test_a_step_whose_name_is_erased_goes_on(kb: KnowledgeBase) -> None:
     assert kb.holds("(and (clean erased-1) (lit erased-1))")
 
 
+@pytest.mark.parametrize("function", ["find_broken", "ground", "broken_since"])
+def test_a_name_may_be_erased_between_two_reads(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, function: str
+) -> None:
+    read = getattr(execute, function)
+
+    def erased(*given: Any) -> Any:
+        if kb.objects.get("room") is not None:
+            nurse(kb).erase("room", reason="asked")
+        return read(*given)
+
+    monkeypatch.setattr(execute, function, erased)
+    if function == "broken_since":
+        kb.propositions.save("(lit room)")
+    found = kb.execute("(clean room)\n(switch room)", do_nothing)
+    if function == "broken_since":
+        [broken] = found.unsatisfied
+        assert str(broken.unsatisfied) == "(not (lit erased-1)): does not hold"
+        assert present(broken.since).reason is None
+    else:
+        assert outcomes(found) == ["succeeded"] * 2
+        assert kb.holds("(and (clean erased-1) (lit erased-1))")
+
+
 def test_what_broke_before_an_archive_ends_the_plan(kb: KnowledgeBase, tmp_path: Path) -> None:
     running = kb.start("(move r1 hall hall)")
     kb.propositions.delete("(lit hall)")

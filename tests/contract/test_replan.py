@@ -143,6 +143,13 @@ def test_only_what_touches_the_plan_is_looked_at(change: str, kb: KnowledgeBase)
         assert broken is not None
 
 
+def test_a_name_that_is_erased_after_the_plan_was_read_breaks_nothing(kb: KnowledgeBase) -> None:
+    plan = present(kb.plans.get(1))
+    assert "kitchen" in str(plan.steps)
+    camera(kb).erase("kitchen", reason="asked")
+    assert Remaining(1).look(state_of(kb), plan) == (None, True)
+
+
 def test_what_derived_predicates_follow_from_is_needed(kb: KnowledgeBase) -> None:
     remaining = Remaining(kb.plans.record(Plan.read("(leave)\n")).id)
     look(kb, remaining)
