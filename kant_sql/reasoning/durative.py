@@ -338,11 +338,10 @@ def end(
     store = state.store
     running, of_start = _running(store, step)
     _check_durative(of_start)
-    earlier = _earlier(store, running, of_start)
 
     def work(transaction: Transaction, found: GroundStep) -> None:
         given = {} if running.duration is None else {f.DURATION: running.duration}
-        _finish(transaction, found, given, earlier)
+        _finish(transaction, found, given, _earlier(store, running, found))
         _set(transaction, running, SUCCEEDED)
 
     in_revision(store, running, reason, execution, "ended", work)
@@ -382,13 +381,14 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
     """
     store = state.store
     flag(undo, "undo", PlanError)
-    running, of_start = _running(store, step)
-    # A step without duration has all its effects at its end.
-    effects = start_effects(store, running) if of_start.action.is_durative else []
+    running, _ = _running(store, step)
+    effects: list[_Effect] | None = []
     left: list[Change] = []
 
     def work(transaction: Transaction, found: GroundStep) -> None:
-        del found
+        nonlocal effects
+        # A step without duration has all its effects at its end.
+        effects = start_effects(store, running) if found.action.is_durative else []
         if undo:
             take_back(transaction, running, effects)
         stands = standing(transaction, effects or [])
@@ -445,7 +445,8 @@ def _running(store: Store, step: object) -> tuple[Execution, GroundStep]:
 def _earlier(store: Store, recorded: Execution, found: GroundStep) -> Earlier:
     """Find the objects from the state before the start that the effects at the end need."""
     items = found.action.items(AT_END)
-    if not recorded.outcomes or all(each.earlier == AllOf(()) for each in items):
+    is_free = [each.earlier == AllOf(()) for each in items]
+    if not recorded.outcomes or all(is_free):
         return {}
 
     def work(view: View) -> Earlier:
@@ -453,6 +454,11 @@ def _earlier(store: Store, recorded: Execution, found: GroundStep) -> Earlier:
         ends = then.action.items(AT_END)
         held = EffectReader(view, then, {}).earlier(ends)
         # The same effects, by the present definitions.
+        if [each.earlier == AllOf(()) for each in ends] != is_free:
+            raise PlanError(
+                f"{recorded} cannot end: its action was redefined since it began, and the state at "
+                "its start decides its effects; abort it, and save the effects that it had"
+            )
         places = {id(item): n for n, item in enumerate(ends)}
         return {id(items[places[key]]): rows for key, rows in held.items()}
 
