@@ -21,6 +21,7 @@ from ..acts.recording import (
     ExecutionReader,
     key_of,
     read_execution,
+    read_running,
     running_executions,
     set_outcome,
 )
@@ -422,15 +423,18 @@ def _find(running: list[Execution], step: GroundStep) -> Execution | None:
 
 def _running(store: Store, step: object) -> tuple[Execution, GroundStep]:
     """Find a running step."""
+
+    def read(view: View) -> tuple[GroundStep, list[Execution]]:
+        return ground(view.definitions, step), read_running(store, view)
+
     try:
-        found = store.read_definitions(lambda definitions: ground(definitions, step))
+        found, running = store.read_in_snapshot(read)
     except InvalidKnowledgeError as error:
         if not isinstance(step, Execution):
             raise
         # Its action or an object is gone.
         remedy = "kb.executions.report(step, outcome='aborted') or kb.fail(step) ends it"
         raise InvalidKnowledgeError(f"{error}; {remedy}") from error
-    running = running_executions(store)
     recorded = _find(running, found)
     if recorded is None:
         _check_durative(found)
