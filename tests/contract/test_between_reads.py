@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from kant_sql import KnowledgeBase
+from kant_sql import KnowledgeBase, Plan
 from kant_sql.errors import PlanError
+from kant_sql.plans import dao
 from kant_sql.reasoning import durative
 from tests.support.reading import beside, loaded, store_of
 
@@ -105,3 +106,15 @@ def test_a_name_that_is_erased_stays_among_what_an_abort_takes_back(
         "(seen room)",
     }
     assert not kb.holds("(exists (?p - place) (seen ?p))")
+
+
+def test_an_erased_name_does_not_come_back_with_a_plan(
+    kb: KnowledgeBase, after: Callable[..., None]
+) -> None:
+    after(dao, "check_steps", lambda other: other.erase("hall", reason="asked"))
+    made = kb.plans.record(Plan.read("(visit r1 room)\n"))
+    assert (made.revision, made.recorded_in) == (kb.revision - 1, kb.revision)
+    after(dao, "check_steps", lambda other: other.erase("room", reason="asked"))
+    with pytest.raises(PlanError, match="object 'room' is not known"):
+        kb.plans.record(Plan.read("(visit r1 room)\n"))
+    assert kb.store.verify().is_intact
