@@ -36,6 +36,7 @@ from ..errors import (
     NotApplicableError,
     PddlError,
     PlanError,
+    UnknownRevisionError,
     UnsupportedConstructError,
 )
 from ..history.diff import diff
@@ -542,6 +543,8 @@ def broken_since(
         periods = when(State(store, at), f"(not {condition})", since=archived or None)
     except (InvalidKnowledgeError, UnsupportedConstructError):
         return None  # It is an unknown name, a rule, or a missing value, not a condition.
+    except UnknownRevisionError:
+        return None  # An archive has just taken it.
     return periods[-1].since if periods and periods[-1].until is None else None
 
 

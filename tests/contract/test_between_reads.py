@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from kant_sql import KnowledgeBase, Plan
+from kant_sql.documents.exchange import read_task
 from kant_sql.errors import PlanError
+from kant_sql.history import diff
+from kant_sql.knowledge_base import state_of
+from kant_sql.pddl import write
+from kant_sql.planning import problem_hash
 from kant_sql.plans import dao
-from kant_sql.reasoning import durative
+from kant_sql.reasoning import durative, execute, replan, search, validate
+from kant_sql.sql.changes import Change as Line
+from kant_sql.store.state import State
 from tests.support.reading import beside, loaded, store_of
 
 DOMAIN = """
@@ -31,6 +40,18 @@ Change = Callable[[KnowledgeBase], object]
 def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A ward with a robot."""
     return loaded(fresh_kb, DOMAIN, PROBLEM)
+
+
+def archived(to: Path) -> Change:
+    """Archive all but the last revision."""
+
+    def archive(other: KnowledgeBase) -> None:
+        other.propositions.save("(lit hall)")
+        other.propositions.delete("(lit hall)")
+        other.propositions.save("(lit hall)")
+        other.store.archive(other.revision, to=f"sqlite:///{to / 'archive.db'}")
+
+    return archive
 
 
 def camera(kb: KnowledgeBase) -> KnowledgeBase:
@@ -118,3 +139,74 @@ def test_an_erased_name_does_not_come_back_with_a_plan(
     with pytest.raises(PlanError, match="object 'room' is not known"):
         kb.plans.record(Plan.read("(visit r1 room)\n"))
     assert kb.store.verify().is_intact
+
+
+@pytest.mark.parametrize("function", ["read_any_plan", "read_task"])
+def test_a_plan_is_validated_with_the_names_of_its_state(
+    kb: KnowledgeBase, after: Callable[..., None], function: str
+) -> None:
+    made = kb.plans.record(Plan.read("0: (visit r1 room) [5]\n"))
+    after(validate, function, lambda other: other.erase("room", reason="asked"))
+    assert kb.validate(made.id).valid
+
+
+@pytest.mark.parametrize("function", ["state_lines", "states_at"])
+def test_states_are_compared_by_one_name_of_each_object(
+    kb: KnowledgeBase, after: Callable[..., None], function: str
+) -> None:
+    revision = kb.revision
+    kb.propositions.save("(lit hall)")
+    after(diff, function, lambda other: other.erase("hall", reason="asked"))
+    [change] = kb.diff(kb.at(revision), kb)
+    assert change in (Line("+", "fact", "(lit hall)"), Line("+", "fact", "(lit erased-1)"))
+    assert len(kb.diff(kb, kb.at(revision))) == 1
+
+
+def test_a_planner_is_asked_again_if_a_name_was_erased_while_it_worked(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = kb.plans.record(Plan.read("(visit r1 hall)\n"))
+    asked = []
+
+    def plan(state: State, **options: Any) -> Plan:
+        task = read_task(state)
+        asked.append(task.revision)
+        given = write(task.domain), write(task.problem)
+        if len(asked) == 1:
+            camera(kb).erase("hall", reason="asked")
+        digest = problem_hash(given[0], problem=given[1])
+        return replace(Plan.read("(visit r1 room)\n"), revision=task.revision, problem_hash=digest)
+
+    monkeypatch.setattr(search, "plan", plan)
+    found = kb.replan(made.id)
+    assert len(asked) == 2
+    assert [*map(str, found.plan.steps)] == ["(visit r1 room)"]
+    assert kb.store.verify().is_intact
+
+
+def test_an_archive_leaves_a_running_plan(
+    kb: KnowledgeBase, after: Callable[..., None], tmp_path: Path
+) -> None:
+    after(execute, "running_executions", archived(tmp_path))
+    found = kb.execute("(visit r1 hall) [5]\n(visit r1 room) [5]\n", lambda step: None)
+    assert found.outcome == "failed"  # Its end depends on the state at its start.
+    assert "was moved to an archive" in str(found.unsatisfied[0].unsatisfied)
+    kb.actions.save(
+        "(:durative-action visit :parameters (?r - robot ?p - place) :duration (= ?duration 5)"
+        " :effect (at end (seen ?p)))"
+    )
+    after(execute, "running_executions", archived(tmp_path))
+    found = kb.execute("(visit r1 hall) [5]\n(visit r1 room) [5]\n", lambda step: None)
+    assert found.outcome == "succeeded"
+
+
+def test_a_change_that_is_archived_at_once_touches_a_plan(
+    kb: KnowledgeBase, after: Callable[..., None], tmp_path: Path
+) -> None:
+    plan = kb.plans.record(Plan.read("0: (visit r1 room) [5]\n"))
+    remaining = replan.Remaining(plan.id)
+    assert remaining.look(state_of(kb), plan) == (None, True)
+    kb.propositions.delete("(lit room)")
+    after(replan, "head_revision", archived(tmp_path))
+    broken, is_judged = remaining.look(state_of(kb), plan)
+    assert (broken, is_judged) == ("the goal (seen room): does not hold", True)
