@@ -206,18 +206,7 @@ class Executive:
             raise refusal("speed", "a number above 0", self.speed, InvalidArgumentError)
         self._patience, self._store = seconds(self.timeout), self.state.store
         refuse_unwatchable(self.state)
-        given, plans = read_any_plan(self.state, self.plan), SqlPlanDao(self._store)
-        if isinstance(given, RecordedPlan):
-            # Its steps may have other outcomes than when it was read.
-            now = plans.get(given.id)
-            if now is None or [*map(str, now.steps)] != [*map(str, given.steps)]:
-                raise PlanError(
-                    f"plan {given.id} is of another store, or a name was erased; read it again, or "
-                    "record it in this one"
-                )
-        else:
-            now = plans.record(given)
-        self._take(now)
+        self._take(self._recorded())
         self._replaced: list[str] = []
         self._why: str | None = None
         self._planning: Limit | None = None
@@ -232,6 +221,22 @@ class Executive:
         self._waits_since: float | None = None
         self._end: tuple[Outcome, Execution | None, tuple[BrokenInvariant, ...]] | None = None
         self._error: Exception | None = None
+
+    def _recorded(self) -> RecordedPlan:
+        """Return the plan as it is now; record it if it is not."""
+        given, plans = read_any_plan(self.state, self.plan), SqlPlanDao(self._store)
+        if not isinstance(given, RecordedPlan):
+            return plans.record(given)
+        if given is not self.plan:
+            return given  # It was just read, by its id.
+        # Its steps may have other outcomes than when it was read.
+        now = plans.get(given.id)
+        if now is None or [*map(str, now.steps)] != [*map(str, given.steps)]:
+            raise PlanError(
+                f"plan {given.id} is of another store, or a name was erased; read it again, or "
+                "record it in this one"
+            )
+        return now
 
     def _take(self, plan: RecordedPlan) -> None:
         """Execute the rest of a plan from now on."""
