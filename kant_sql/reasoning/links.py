@@ -25,7 +25,7 @@ from ..plans import RecordedPlan
 from ..store.state import State
 from .actions import Changes, Snap
 from .uses import Literal, Uses, parts_used
-from .validate import GivenPlan, PlanExecution, check_validated, read_any_plan
+from .validate import GivenPlan, PlanExecution, check_validated, read_any_plan, was_renamed
 from .world import Row, Value
 
 
@@ -132,14 +132,16 @@ def causal_links(state: State, plan: GivenPlan, *, at: When | None = None) -> li
         UnsupportedConstructError, UnknownRevisionError, ArchivedError, InvalidKnowledgeError: as
             for `KnowledgeBase.validate`.
     """
-    plan = read_any_plan(state, plan)
-    made = plan.revision if at is None and isinstance(plan, RecordedPlan) else None
+    given = read_any_plan(state, plan)
+    made = given.revision if at is None and isinstance(given, RecordedPlan) else None
     revision = state_at(state, at) if at is not None else made or state.at
     task = read_task(State(state.store, revision))
     check_validated(task.domain)
-    run = _Linking(task.domain, task.problem, plan.steps)
+    run = _Linking(task.domain, task.problem, given.steps)
     failed = run.execute()
     if failed is not None:
+        if was_renamed(state, plan, given):
+            return causal_links(state, plan, at=at)
         raise PlanError(f"the plan cannot be executed: {failed}; see kb.validate")
     run.need_goal()
     return html.Listing(run.links, "causal link")

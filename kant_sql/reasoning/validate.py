@@ -218,11 +218,16 @@ def validate(state: State, plan: GivenPlan, *, at: When | None = None) -> Valida
     given = read_any_plan(state, plan)
     task = read_task(State(state.store, revision))
     found = validate_plan(task.domain, task.problem, given)
-    if not found.valid and isinstance(plan, int):
-        now = read_any_plan(state, plan)
-        if [*map(str, now.steps)] != [*map(str, given.steps)]:
-            return validate(state, plan, at=at)  # A name was erased between the reads.
+    if not found.valid and was_renamed(state, plan, given):
+        return validate(state, plan, at=at)
     return found
+
+
+def was_renamed(state: State, plan: GivenPlan, read: Plan | RecordedPlan) -> bool:
+    """Return whether a name was erased since a plan was read by its id."""
+    if not isinstance(plan, int):
+        return False
+    return [*map(str, read_any_plan(state, plan).steps)] != [*map(str, read.steps)]
 
 
 def read_any_plan(state: State, plan: GivenPlan) -> Plan | RecordedPlan:

@@ -17,7 +17,7 @@ from kant_sql.knowledge_base import state_of
 from kant_sql.pddl import write
 from kant_sql.planning import problem_hash
 from kant_sql.plans import dao
-from kant_sql.reasoning import durative, execute, replan, search, validate
+from kant_sql.reasoning import durative, execute, links, replan, search, validate
 from kant_sql.sql.changes import Change as Line
 from kant_sql.store.state import State
 from tests.support.reading import beside, loaded, store_of
@@ -148,6 +148,8 @@ def test_a_plan_is_validated_with_the_names_of_its_state(
     made = kb.plans.record(Plan.read("0: (visit r1 room) [5]\n"))
     after(validate, function, lambda other: other.erase("room", reason="asked"))
     assert kb.validate(made.id).valid
+    after(links, function, lambda other: other.erase("r1", reason="asked"))
+    assert kb.pddl.causal_links(made.id)
 
 
 @pytest.mark.parametrize("function", ["state_lines", "states_at"])
