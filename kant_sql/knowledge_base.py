@@ -352,9 +352,10 @@ class KnowledgeBase(Front):
                 "clock='valid' compares two times of this knowledge base; of another one, give "
                 "kb.at(valid=...)"
             )
-        here, there = (one if isinstance(one, KnowledgeBase) else self.at(one) for one in (a, b))
-        lines = history.diff.state_lines
-        return history.diff.diff_lines(lines(state_of(here)), lines(state_of(there)))
+        here, there = (
+            state_of(one if isinstance(one, KnowledgeBase) else self.at(one)) for one in (a, b)
+        )
+        return history.diff.diff_states(here, there)
 
     def at(
         self, when: When | None = None, *, known: When | None = None, valid: When | None = None

@@ -9,6 +9,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 from datetime import datetime
 from decimal import Decimal
+from functools import partial
 from typing import Any, NamedTuple
 
 from sqlalchemy import literal_column, select
@@ -341,14 +342,15 @@ RUNNING_NOW = Query(
 
 def running_executions(store: Store) -> list[Execution]:
     """Read the running executions of actions."""
+    return store.read_in_snapshot(partial(read_running, store))
 
-    def read(view: View) -> list[Execution]:
-        if view.kb_id is None:
-            return []
-        rows = view.session.rows(RUNNING_NOW, kb=view.kb_id)
-        # Reports of components without PDDL are not actions.
-        keys = [(plan_id, position) for plan_id, position, action in rows if action is not None]
-        found = ExecutionReader(store, view).listed(keys)
-        return [found[key] for key in keys if key in found]
 
-    return store.read_in_snapshot(read)
+def read_running(store: Store, view: View) -> list[Execution]:
+    """Read the running executions of actions in a state."""
+    if view.kb_id is None:
+        return []
+    rows = view.session.rows(RUNNING_NOW, kb=view.kb_id)
+    # Reports of components without PDDL are not actions.
+    keys = [(plan_id, position) for plan_id, position, action in rows if action is not None]
+    found = ExecutionReader(store, view).listed(keys)
+    return [found[key] for key in keys if key in found]

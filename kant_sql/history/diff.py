@@ -47,6 +47,7 @@ from ..sql.valid_periods import ValidRange
 from ..sql.valid_time import ValidTime, read_said
 from ..store.snapshot import View, read_position, refuse_archived
 from ..store.state import State
+from ..store.valid_store import ValidStore
 from .moments import (
     MICROSECOND,
     clamped,
@@ -167,6 +168,15 @@ def state_lines(state: State) -> list[tuple[str, str]]:
         return [(kind, text) for kind, text in view.rows(_STATES)]
 
     return state.store.read_in_snapshot(work, state.at)
+
+
+def diff_states(here: State, there: State) -> list[Change]:
+    """Return the changes from one state to another, also of two knowledge bases."""
+    store = here.store
+    if store is there.store and not isinstance(store, ValidStore) and store.current() is None:
+        # Two reads would see two names of what is erased between them.
+        return diff(State(store), *("now" if at is None else at for _, at in (here, there)))
+    return diff_lines(state_lines(here), state_lines(there))
 
 
 def diff_lines(here: list[tuple[str, str]], there: list[tuple[str, str]]) -> list[Change]:

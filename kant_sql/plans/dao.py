@@ -30,7 +30,7 @@ from ..sql.dialects.base import Row
 from ..sql.executions import PlanDefinition, plan_rows
 from ..sql.query import Query, integer
 from ..sql.rows import KB, table_of
-from ..store.snapshot import View
+from ..store.snapshot import View, read_position
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import LAST_PLAN, Transaction
@@ -148,12 +148,30 @@ class SqlPlanDao(SqlDao, PlanDao):
         self._check_writable()
         if not isinstance(plan, Plan):
             raise PlanError(f"the plan is a Plan, as Plan.read(text) returns it, not {shown(plan)}")
-        revision = self._state_of(plan)
         # A past state never changes, so its text is written without a lock.
         said = (
             plan.domain_pddl if domain_pddl is None else domain_pddl,
             plan.problem_pddl if problem_pddl is None else problem_pddl,
         )
+        of_planner = planner or plan.engine or None, planner_version
+        made = None
+        while made is None:
+            head = head_revision(State(self._open_store))
+            definition = self._define(plan, head, said, of_planner, objective, value)
+            made = self._open_store.write(partial(self._record, definition=definition, head=head))
+        return made
+
+    def _define(
+        self,
+        plan: Plan,
+        head: int,
+        said: Kept,
+        of_planner: tuple[str | None, str | None],
+        objective: str | None,
+        value: Decimal | int | None,
+    ) -> PlanDefinition:
+        """Check a plan, and find what to store; its id is not known yet."""
+        revision = self._state_of(plan, head)
         digest, kept = self._compare(plan, revision, said)
         metric, steps = self._open_store.read_definitions(
             lambda known: (_metric(known), check_steps(known, revision, plan)), revision
@@ -161,24 +179,23 @@ class SqlPlanDao(SqlDao, PlanDao):
         measured = _objective(plan, metric, objective)
         if value is None and measured is not None:
             value = plan.value
-        definition = PlanDefinition(
+        name, version = of_planner
+        return PlanDefinition(
             0,
             revision,
             digest,
-            storable_text(planner or plan.engine or None, "the planner's name", PlanError),
-            storable_text(planner_version, "the planner's version", PlanError),
+            storable_text(name, "the planner's name", PlanError),
+            storable_text(version, "the planner's version", PlanError),
             storable_text(measured, "the objective", PlanError),
             _exact_text(value, "the objective's value"),
             storable_text(_status(plan), "the plan's status", PlanError),
             *kept,
             steps,
         )
-        return self._open_store.write(lambda transaction: self._record(transaction, definition))
 
-    def _state_of(self, plan: Plan) -> int:
+    def _state_of(self, plan: Plan, head: int) -> int:
         """Find the revision of the state that a plan was made from."""
         state = State(self._open_store)
-        head = head_revision(state)
         at = head if plan.revision is None else plan.revision
         if at > head and plan.problem_hash is not None:
             raise PlanError(self._elsewhere(at))
@@ -215,7 +232,14 @@ class SqlPlanDao(SqlDao, PlanDao):
         domain, problem = (a if a != b else None for a, b in zip(given, written, strict=True))
         return digest, (domain, problem)
 
-    def _record(self, transaction: Transaction, definition: PlanDefinition) -> RecordedPlan:
+    def _record(
+        self, transaction: Transaction, definition: PlanDefinition, head: int
+    ) -> RecordedPlan | None:
+        """Record a plan; return None if a name was erased after the revision `head`."""
+        if transaction.head.definition_revision > head:
+            erased = read_position(transaction.session, transaction.kb_id).erased
+            if erased is not None and erased > head:
+                return None  # The plan may have that name.
         if definition.revision < transaction.head.archived_revision:
             # It was moved since the problem was written.
             refuse_archived_revision(self._open_store, definition.revision)

@@ -414,7 +414,7 @@ class Answers:
         return html.titled(rows, len(self), "answer")
 
 
-class _Asking:
+class Asking:
     """A question for objects, independent of a state."""
 
     def __init__(
@@ -511,7 +511,7 @@ def query(
     store, at = state
     if limit is not None:
         limit = count_limit(limit)
-    asking = _Asking(condition, parameters, limit, bindings)
+    asking = Asking(condition, parameters, limit, bindings)
     prepared, _ = store.check_definitions(asking.prepared, at)
     return Answers(
         lambda: store.read(asking.read, at),

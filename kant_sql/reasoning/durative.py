@@ -21,6 +21,7 @@ from ..acts.recording import (
     ExecutionReader,
     key_of,
     read_execution,
+    read_running,
     running_executions,
     set_outcome,
 )
@@ -35,6 +36,7 @@ from ..errors import (
     NotApplicableError,
     PddlError,
     PlanError,
+    UnknownRevisionError,
     UnsupportedConstructError,
 )
 from ..history.diff import diff
@@ -338,11 +340,10 @@ def end(
     store = state.store
     running, of_start = _running(store, step)
     _check_durative(of_start)
-    earlier = _earlier(store, running, of_start)
 
     def work(transaction: Transaction, found: GroundStep) -> None:
         given = {} if running.duration is None else {f.DURATION: running.duration}
-        _finish(transaction, found, given, earlier)
+        _finish(transaction, found, given, _earlier(store, running, found))
         _set(transaction, running, SUCCEEDED)
 
     in_revision(store, running, reason, execution, "ended", work)
@@ -382,13 +383,14 @@ def abort(state: State, step: Step, *, reason: str | None = None, undo: bool = F
     """
     store = state.store
     flag(undo, "undo", PlanError)
-    running, of_start = _running(store, step)
-    # A step without duration has all its effects at its end.
-    effects = start_effects(store, running) if of_start.action.is_durative else []
+    running, _ = _running(store, step)
+    effects: list[_Effect] | None = []
     left: list[Change] = []
 
     def work(transaction: Transaction, found: GroundStep) -> None:
-        del found
+        nonlocal effects
+        # A step without duration has all its effects at its end.
+        effects = start_effects(store, running) if found.action.is_durative else []
         if undo:
             take_back(transaction, running, effects)
         stands = standing(transaction, effects or [])
@@ -422,15 +424,18 @@ def _find(running: list[Execution], step: GroundStep) -> Execution | None:
 
 def _running(store: Store, step: object) -> tuple[Execution, GroundStep]:
     """Find a running step."""
+
+    def read(view: View) -> tuple[GroundStep, list[Execution]]:
+        return ground(view.definitions, step), read_running(store, view)
+
     try:
-        found = store.read_definitions(lambda definitions: ground(definitions, step))
+        found, running = store.read_in_snapshot(read)
     except InvalidKnowledgeError as error:
         if not isinstance(step, Execution):
             raise
         # Its action or an object is gone.
         remedy = "kb.executions.report(step, outcome='aborted') or kb.fail(step) ends it"
         raise InvalidKnowledgeError(f"{error}; {remedy}") from error
-    running = running_executions(store)
     recorded = _find(running, found)
     if recorded is None:
         _check_durative(found)
@@ -445,7 +450,8 @@ def _running(store: Store, step: object) -> tuple[Execution, GroundStep]:
 def _earlier(store: Store, recorded: Execution, found: GroundStep) -> Earlier:
     """Find the objects from the state before the start that the effects at the end need."""
     items = found.action.items(AT_END)
-    if not recorded.outcomes or all(each.earlier == AllOf(()) for each in items):
+    is_free = [each.earlier == AllOf(()) for each in items]
+    if not recorded.outcomes or all(is_free):
         return {}
 
     def work(view: View) -> Earlier:
@@ -453,6 +459,11 @@ def _earlier(store: Store, recorded: Execution, found: GroundStep) -> Earlier:
         ends = then.action.items(AT_END)
         held = EffectReader(view, then, {}).earlier(ends)
         # The same effects, by the present definitions.
+        if [each.earlier == AllOf(()) for each in ends] != is_free:
+            raise PlanError(
+                f"{recorded} cannot end: its action was redefined since it began, and the state at "
+                "its start decides its effects; abort it, and save the effects that it had"
+            )
         places = {id(item): n for n, item in enumerate(ends)}
         return {id(items[places[key]]): rows for key, rows in held.items()}
 
@@ -532,6 +543,8 @@ def broken_since(
         periods = when(State(store, at), f"(not {condition})", since=archived or None)
     except (InvalidKnowledgeError, UnsupportedConstructError):
         return None  # It is an unknown name, a rule, or a missing value, not a condition.
+    except UnknownRevisionError:
+        return None  # An archive has just taken it.
     return periods[-1].since if periods and periods[-1].until is None else None
 
 

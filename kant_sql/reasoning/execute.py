@@ -24,6 +24,7 @@ from ..acts.recording import key_of, read_execution, running_executions
 from ..arguments import UNSTORABLE, expect, optional_call, optional_text, refusal, seconds
 from ..documents.carry import STATED
 from ..errors import (
+    ArchivedError,
     InvalidArgumentError,
     InvalidKnowledgeError,
     KantSqlError,
@@ -49,7 +50,7 @@ from .validate import GivenPlan, read_any_plan
 Dispatch = Callable[[Execution], object]
 # With more revisions, find those that changed the state first: a camera may confirm much.
 FEW = 8
-_REFUSED = (NotApplicableError, RuleViolatedError, InvalidKnowledgeError)
+_REFUSED = (NotApplicableError, RuleViolatedError, InvalidKnowledgeError, ArchivedError)
 _CANCELLED = (asyncio.CancelledError, futures.CancelledError)
 
 
@@ -344,7 +345,10 @@ class Executive:
         for at in self._unseen():
             self._seen = at
             begun = [one for one in steps if one.revision is None or one.revision <= at]
-            broken = find_broken(self._store, begun, at) if begun else []
+            try:
+                broken = find_broken(self._store, begun, at) if begun else []
+            except ArchivedError:
+                continue  # It was archived since; the next revision decides.
             if broken:
                 step = broken[0].step
                 self._fail(step, tuple(each for each in broken if each.step == step))

@@ -21,16 +21,19 @@ from ..documents.carry import STATED, name_in
 from ..documents.exchange import PlanningTask, read_task
 from ..dto import formulas as f
 from ..dto.lexical import fold
-from ..errors import InvalidArgumentError, PlanError
+from ..errors import ArchivedError, InvalidArgumentError, PlanError
 from ..history.moments import head_revision
+from ..history.revisions import LARGEST
 from ..knowledge.grounding import bound, substitute
 from ..pddl.document import DURATIVE_ACTION, Action
+from ..planning import Plan
 from ..plans import RecordedPlan
 from ..plans.dao import SqlPlanDao, last_plan
 from ..sql.changes import ARCHIVE, Change, stream_changes
 from ..sql.dialects.base import Session
 from ..sql.executions import RUNNING, SUCCEEDED
 from ..sql.rows import FACT, VALUE
+from ..store.snapshot import read_position
 from ..store.state import State
 from ..store.store import Store
 from . import search
@@ -187,7 +190,24 @@ def _successor(state: State, plan: RecordedPlan) -> RecordedPlan:
 def take_over(state: State, old: RecordedPlan, why: str, options: PlanOptions) -> RecordedPlan:
     """Find and record a replacement for a broken plan."""
     is_within = state.store.current() is not None
-    found, dao = search.plan(state, **options), SqlPlanDao(state.store)
+    found = search.plan(state, **options)
+    try:
+        return _record(state, old, why, found, is_within=is_within)
+    except (PlanError, ArchivedError):
+        known = state.store.query(read_position)
+        if is_within or max(known.erased or 0, known.archived) <= (found.revision or 0):
+            raise
+    # The state that the planner was given was archived, or a name in it erased: look again.
+    now = _as_now(state, old)
+    broken, _ = Remaining(old.id).look(state, now)
+    return now if broken is None else take_over(state, now, broken, options)
+
+
+def _record(
+    state: State, old: RecordedPlan, why: str, found: Plan, *, is_within: bool
+) -> RecordedPlan:
+    """Record a replacement; the steps of the old plan that have not begun are aborted."""
+    dao = SqlPlanDao(state.store)
     with state.store.transaction(reason=f"plan {old.id} broke: {why}"):
         # Others may have begun a step, or replaced the plan, while the planner worked.
         old = _as_now(state, old)
@@ -267,7 +287,8 @@ class Remaining:
 
         def read(session: Session, kb_id: int | None) -> bool:
             assert kb_id is not None
-            changes = stream_changes(session, kb_id, low, high)
+            # An archive after them may have removed changes.
+            changes = stream_changes(session, kb_id, low, LARGEST)
             return any(_touches(change, needed) for _, change in changes)
 
         return low <= high and store.query_in_snapshot(read)

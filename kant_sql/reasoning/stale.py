@@ -18,7 +18,7 @@ from ..pddl.given import read_condition, text_of
 from ..sql.intervals import FIND
 from ..store.snapshot import View
 from ..store.state import State
-from .ask import query
+from .ask import Asking
 
 
 def stale(state: State, condition: str | Node, *, than: float) -> list[Version]:
@@ -42,12 +42,12 @@ def stale(state: State, condition: str | Node, *, than: float) -> list[Version]:
         []
     """
     text = text_of(condition)
-    atoms = state.store.read_definitions(lambda known: _needed(known, text), state.at)
-    answers = query(state, text)
-    names = [f"?{fold(name)}" for name in answers.columns]
-    bindings = [dict(zip(names, row, strict=True)) for row in answers]
 
     def find(view: View) -> list[int]:
+        atoms = _needed(view.definitions, text)
+        asking = Asking(text, None, None, {})
+        names = [f"?{fold(name)}" for name in asking.prepared(view.definitions)[0].columns]
+        bindings = [dict(zip(names, row, strict=True)) for row in asking.read(view)]
         if view.kb_id is None:
             return []
         wanted: dict[int, set[str]] = defaultdict(set)

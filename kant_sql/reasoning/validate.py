@@ -215,8 +215,14 @@ def validate(state: State, plan: GivenPlan, *, at: When | None = None) -> Valida
           (not (locked)): does not hold
     """
     revision = state.at if at is None else state_at(state, at)
+    given = read_any_plan(state, plan)
     task = read_task(State(state.store, revision))
-    return validate_plan(task.domain, task.problem, read_any_plan(state, plan))
+    found = validate_plan(task.domain, task.problem, given)
+    if not found.valid and isinstance(plan, int):
+        now = read_any_plan(state, plan)
+        if [*map(str, now.steps)] != [*map(str, given.steps)]:
+            return validate(state, plan, at=at)  # A name was erased between the reads.
+    return found
 
 
 def read_any_plan(state: State, plan: GivenPlan) -> Plan | RecordedPlan:

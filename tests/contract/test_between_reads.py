@@ -1,0 +1,212 @@
+"""Another writer changes the store between two reads of one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from kant_sql import KnowledgeBase, Plan
+from kant_sql.documents.exchange import read_task
+from kant_sql.errors import PlanError
+from kant_sql.history import diff
+from kant_sql.knowledge_base import state_of
+from kant_sql.pddl import write
+from kant_sql.planning import problem_hash
+from kant_sql.plans import dao
+from kant_sql.reasoning import durative, execute, replan, search, validate
+from kant_sql.sql.changes import Change as Line
+from kant_sql.store.state import State
+from tests.support.reading import beside, loaded, store_of
+
+DOMAIN = """
+(define (domain ward) (:requirements :typing :durative-actions) (:types robot place)
+  (:predicates (at ?r - robot ?p - place) (lit ?p - place) (seen ?p - place))
+  (:durative-action visit :parameters (?r - robot ?p - place) :duration (= ?duration 5)
+    :effect (and (at start (at ?r ?p)) (when (at start (lit ?p)) (at end (seen ?p)))
+      (forall (?q - place) (when (at start (lit ?q)) (at start (seen ?q)))))))
+"""
+PROBLEM = """
+(define (problem night) (:domain ward) (:objects r1 - robot hall room - place)
+  (:init (lit room)) (:goal (seen room)))
+"""
+Change = Callable[[KnowledgeBase], object]
+
+
+@pytest.fixture
+def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
+    """A ward with a robot."""
+    return loaded(fresh_kb, DOMAIN, PROBLEM)
+
+
+def archived(to: Path) -> Change:
+    """Archive all but the last revision."""
+
+    def archive(other: KnowledgeBase) -> None:
+        other.propositions.save("(lit hall)")
+        other.propositions.delete("(lit hall)")
+        other.propositions.save("(lit hall)")
+        other.store.archive(other.revision, to=f"sqlite:///{to / 'archive.db'}")
+
+    return archive
+
+
+def camera(kb: KnowledgeBase) -> KnowledgeBase:
+    """Another writer of the same knowledge base."""
+    return beside(kb, store_of(kb).name, "camera")
+
+
+@pytest.fixture
+def after(kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Let another writer change the store once, right after a function has returned."""
+
+    def interfere(module: object, function: str, change: Change) -> None:
+        call, changes = getattr(module, function), [change]
+
+        def called(*given: Any, **named: Any) -> Any:
+            found = call(*given, **named)
+            if changes:
+                changes.pop()(camera(kb))
+            return found
+
+        monkeypatch.setattr(module, function, called)
+
+    return interfere
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda other: other.objects.save("bath - place"),
+        lambda other: other.predicates.save("(warm ?p - place)"),
+        lambda other: other.erase("hall", reason="asked"),
+    ],
+    ids=["object", "predicate", "erasure"],
+)
+def test_a_definition_that_changes_leaves_the_effects_at_the_end(
+    change: Change, kb: KnowledgeBase, after: Callable[..., None]
+) -> None:
+    kb.propositions.delete("(seen room)")
+    step = kb.start("(visit r1 room)")
+    kb.propositions.delete_all(["(seen room)", "(lit room)"])
+    after(durative, "_running", change)
+    assert kb.end(step).outcome == "succeeded"
+    assert kb.holds("(seen room)")
+
+
+def test_an_action_that_was_redefined_while_it_ran_cannot_end(kb: KnowledgeBase) -> None:
+    step = kb.start("(visit r1 room)")
+    kb.actions.save(
+        "(:durative-action visit :parameters (?r - robot ?p - place) :duration (= ?duration 5)"
+        " :effect (when (at start (lit ?p)) (at end (seen ?p))))"
+    )
+    assert kb.end(step).outcome == "succeeded"
+    step = kb.start("(visit r1 room)")
+    kb.actions.save(
+        "(:durative-action visit :parameters (?r - robot ?p - place) :duration (= ?duration 5)"
+        " :effect (and (at end (at ?r ?p)) (when (at start (lit ?p)) (at end (seen ?p)))))"
+    )
+    with pytest.raises(PlanError, match="its action was redefined since it began"):
+        kb.end(step)
+    assert kb.abort(step).left == ()
+
+
+def test_a_name_that_is_erased_stays_among_what_an_abort_takes_back(
+    kb: KnowledgeBase, after: Callable[..., None]
+) -> None:
+    kb.propositions.save("(lit hall)")
+    step = kb.start("(visit r1 room)")
+    after(durative, "_running", lambda other: other.erase("hall", reason="asked"))
+    found = kb.abort(step, undo=True)
+    assert {str(each.text) for each in found.undone} == {
+        "(at r1 room)",
+        "(seen erased-1)",
+        "(seen room)",
+    }
+    assert not kb.holds("(exists (?p - place) (seen ?p))")
+
+
+def test_an_erased_name_does_not_come_back_with_a_plan(
+    kb: KnowledgeBase, after: Callable[..., None]
+) -> None:
+    after(dao, "check_steps", lambda other: other.erase("hall", reason="asked"))
+    made = kb.plans.record(Plan.read("(visit r1 room)\n"))
+    assert (made.revision, made.recorded_in) == (kb.revision - 1, kb.revision)
+    after(dao, "check_steps", lambda other: other.erase("room", reason="asked"))
+    with pytest.raises(PlanError, match="object 'room' is not known"):
+        kb.plans.record(Plan.read("(visit r1 room)\n"))
+    assert kb.store.verify().is_intact
+
+
+@pytest.mark.parametrize("function", ["read_any_plan", "read_task"])
+def test_a_plan_is_validated_with_the_names_of_its_state(
+    kb: KnowledgeBase, after: Callable[..., None], function: str
+) -> None:
+    made = kb.plans.record(Plan.read("0: (visit r1 room) [5]\n"))
+    after(validate, function, lambda other: other.erase("room", reason="asked"))
+    assert kb.validate(made.id).valid
+
+
+@pytest.mark.parametrize("function", ["state_lines", "states_at"])
+def test_states_are_compared_by_one_name_of_each_object(
+    kb: KnowledgeBase, after: Callable[..., None], function: str
+) -> None:
+    revision = kb.revision
+    kb.propositions.save("(lit hall)")
+    after(diff, function, lambda other: other.erase("hall", reason="asked"))
+    [change] = kb.diff(kb.at(revision), kb)
+    assert change in (Line("+", "fact", "(lit hall)"), Line("+", "fact", "(lit erased-1)"))
+    assert len(kb.diff(kb, kb.at(revision))) == 1
+
+
+def test_a_planner_is_asked_again_if_a_name_was_erased_while_it_worked(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = kb.plans.record(Plan.read("(visit r1 hall)\n"))
+    asked = []
+
+    def plan(state: State, **options: Any) -> Plan:
+        task = read_task(state)
+        asked.append(task.revision)
+        given = write(task.domain), write(task.problem)
+        if len(asked) == 1:
+            camera(kb).erase("hall", reason="asked")
+        digest = problem_hash(given[0], problem=given[1])
+        return replace(Plan.read("(visit r1 room)\n"), revision=task.revision, problem_hash=digest)
+
+    monkeypatch.setattr(search, "plan", plan)
+    found = kb.replan(made.id)
+    assert len(asked) == 2
+    assert [*map(str, found.plan.steps)] == ["(visit r1 room)"]
+    assert kb.store.verify().is_intact
+
+
+def test_an_archive_leaves_a_running_plan(
+    kb: KnowledgeBase, after: Callable[..., None], tmp_path: Path
+) -> None:
+    after(execute, "running_executions", archived(tmp_path))
+    found = kb.execute("(visit r1 hall) [5]\n(visit r1 room) [5]\n", lambda step: None)
+    assert found.outcome == "failed"  # Its end depends on the state at its start.
+    assert "was moved to an archive" in str(found.unsatisfied[0].unsatisfied)
+    kb.actions.save(
+        "(:durative-action visit :parameters (?r - robot ?p - place) :duration (= ?duration 5)"
+        " :effect (at end (seen ?p)))"
+    )
+    after(execute, "running_executions", archived(tmp_path))
+    found = kb.execute("(visit r1 hall) [5]\n(visit r1 room) [5]\n", lambda step: None)
+    assert found.outcome == "succeeded"
+
+
+def test_a_change_that_is_archived_at_once_touches_a_plan(
+    kb: KnowledgeBase, after: Callable[..., None], tmp_path: Path
+) -> None:
+    plan = kb.plans.record(Plan.read("0: (visit r1 room) [5]\n"))
+    remaining = replan.Remaining(plan.id)
+    assert remaining.look(state_of(kb), plan) == (None, True)
+    kb.propositions.delete("(lit room)")
+    after(replan, "head_revision", archived(tmp_path))
+    broken, is_judged = remaining.look(state_of(kb), plan)
+    assert (broken, is_judged) == ("the goal (seen room): does not hold", True)
