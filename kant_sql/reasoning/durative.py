@@ -335,12 +335,25 @@ def end(
         PlanError: the step is not running.
         PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
     """
-    store = state.store
+    return end_running(state.store, step, reason, execution)
+
+
+def end_running(
+    store: Store,
+    step: Step,
+    reason: str | None,
+    execution: Execution | None = None,
+    *,
+    check: Callable[[], None] | None = None,
+) -> Execution:
+    """End a step, unless a check under the lock of the head refuses it."""
     running, of_start = _running(store, step)
     _check_durative(of_start)
     earlier = _earlier(store, running, of_start)
 
     def work(transaction: Transaction, found: GroundStep) -> None:
+        if check is not None:
+            check()
         given = {} if running.duration is None else {f.DURATION: running.duration}
         _finish(transaction, found, given, earlier)
         _set(transaction, running, SUCCEEDED)
