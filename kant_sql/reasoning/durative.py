@@ -349,12 +349,12 @@ def end_running(
     """End a step, unless a check under the lock of the head refuses it."""
     running, of_start = _running(store, step)
     _check_durative(of_start)
-    earlier = _earlier(store, running, of_start)
 
     def work(transaction: Transaction, found: GroundStep) -> None:
         if check is not None:
             check()
         given = {} if running.duration is None else {f.DURATION: running.duration}
+        earlier = _earlier(transaction, store, running, found)
         _finish(transaction, found, given, earlier)
         _set(transaction, running, SUCCEEDED)
 
@@ -455,22 +455,17 @@ def _running(store: Store, step: object) -> tuple[Execution, GroundStep]:
     return recorded, found
 
 
-def _earlier(store: Store, recorded: Execution, found: GroundStep) -> Earlier:
+def _earlier(transaction: Transaction, store: Store, step: Execution, found: GroundStep) -> Earlier:
     """Find the objects from the state before the start that the effects at the end need."""
     items = found.action.items(AT_END)
-    if not recorded.outcomes or all(each.earlier == AllOf(()) for each in items):
+    if all(each.earlier == AllOf(()) for each in items):
         return {}
-
-    def work(view: View) -> Earlier:
-        then = ground(view.definitions, recorded)
-        ends = then.action.items(AT_END)
-        held = EffectReader(view, then, {}).earlier(ends)
-        # The same effects, by the present definitions.
-        places = {id(item): n for n, item in enumerate(ends)}
-        return {id(items[places[key]]): rows for key, rows in held.items()}
-
-    before = recorded.outcomes[-1].since.number - 1
-    return store.read_in_snapshot(work, before)
+    # Without a committed outcome, this transaction has started it.
+    of_start = step.outcomes[-1].since.number if step.outcomes else transaction.number
+    # By the present definition of the action: it may have changed since.
+    return store.read_in_snapshot(
+        lambda view: EffectReader(view, found, {}).earlier(items), of_start - 1
+    )
 
 
 def broken_invariants(state: State) -> list[BrokenInvariant]:
