@@ -145,7 +145,7 @@ class InitialStateReader(FormulaReader):
         # The first token of each value, and the first value of each section.
         self._value_tokens: list[int] = []
         self._value_sections: list[tuple[int, Section]] = []
-        self._timed: dict[f.TimedLiteral, None] = {}
+        self._timed: dict[str, f.TimedLiteral] = {}
         self._predicates = FactSignatures(symbols, symbols.predicates)
         self._functions = FactSignatures(symbols, symbols.functions)
 
@@ -182,7 +182,7 @@ class InitialStateReader(FormulaReader):
             "facts": tuple(self._facts),
             "literals": tuple(literals),
             "values": tuple(values),
-            "timed": tuple(self._timed),
+            "timed": tuple(self._timed.values()),
         }
 
     def _agrees(self, literal: f.Not | f.Equal, place: _TokenIndex) -> bool:
@@ -388,9 +388,11 @@ class InitialStateReader(FormulaReader):
         self.at += 2
         timed = f.TimedLiteral(self.time_span("at"), self._timed_effect())
         self.expect(")", "')' after the timed literal")
-        if timed in self._timed:
+        text = str(timed)
+        if text in self._timed:
             self.deviate("each timed literal once", "left out", f"{timed} again", start)
-        self._timed[timed] = None
+        # By its text, as in a store: 5 and 5.0 are two spellings.
+        self._timed[text] = timed
 
     def _timed_effect(self) -> f.Atom | f.Not | f.Assign:
         head = self.tokens[self.at + 1].lower()

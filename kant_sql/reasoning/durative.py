@@ -337,13 +337,27 @@ def end(
         PlanError: the step is not running.
         PddlError, InvalidKnowledgeError, ReadOnlyError: as `apply`.
     """
-    store = state.store
+    return end_running(state.store, step, reason, execution)
+
+
+def end_running(
+    store: Store,
+    step: Step,
+    reason: str | None,
+    execution: Execution | None = None,
+    *,
+    check: Callable[[], None] | None = None,
+) -> Execution:
+    """End a step, unless a check under the lock of the head refuses it."""
     running, of_start = _running(store, step)
     _check_durative(of_start)
 
     def work(transaction: Transaction, found: GroundStep) -> None:
+        if check is not None:
+            check()
         given = {} if running.duration is None else {f.DURATION: running.duration}
-        _finish(transaction, found, given, _earlier(store, running, found))
+        earlier = _earlier(transaction, store, running, found)
+        _finish(transaction, found, given, earlier)
         _set(transaction, running, SUCCEEDED)
 
     in_revision(store, running, reason, execution, "ended", work)
@@ -447,28 +461,17 @@ def _running(store: Store, step: object) -> tuple[Execution, GroundStep]:
     return recorded, found
 
 
-def _earlier(store: Store, recorded: Execution, found: GroundStep) -> Earlier:
+def _earlier(transaction: Transaction, store: Store, step: Execution, found: GroundStep) -> Earlier:
     """Find the objects from the state before the start that the effects at the end need."""
     items = found.action.items(AT_END)
-    is_free = [each.earlier == AllOf(()) for each in items]
-    if not recorded.outcomes or all(is_free):
+    if all(each.earlier == AllOf(()) for each in items):
         return {}
-
-    def work(view: View) -> Earlier:
-        then = ground(view.definitions, recorded)
-        ends = then.action.items(AT_END)
-        held = EffectReader(view, then, {}).earlier(ends)
-        # The same effects, by the present definitions.
-        if [each.earlier == AllOf(()) for each in ends] != is_free:
-            raise PlanError(
-                f"{recorded} cannot end: its action was redefined since it began, and the state at "
-                "its start decides its effects; abort it, and save the effects that it had"
-            )
-        places = {id(item): n for n, item in enumerate(ends)}
-        return {id(items[places[key]]): rows for key, rows in held.items()}
-
-    before = recorded.outcomes[-1].since.number - 1
-    return store.read_in_snapshot(work, before)
+    # Without a committed outcome, this transaction has started it.
+    of_start = step.outcomes[-1].since.number if step.outcomes else transaction.number
+    # By the present definition of the action: it may have changed since.
+    return store.read_in_snapshot(
+        lambda view: EffectReader(view, found, {}).earlier(items), of_start - 1
+    )
 
 
 def broken_invariants(state: State) -> list[BrokenInvariant]:

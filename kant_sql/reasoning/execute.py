@@ -8,7 +8,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent import futures
 from contextlib import suppress
 from dataclasses import dataclass
@@ -41,7 +41,16 @@ from ..sql.changes import stream_changes
 from ..sql.dialects.base import Session
 from ..sql.executions import RUNNING, SUCCEEDED, Key
 from ..store.state import State
-from .durative import BrokenInvariant, apply, begin_running, broken_since, end, find_broken, refuse
+from .durative import (
+    BrokenInvariant,
+    apply,
+    begin_running,
+    broken_since,
+    end_running,
+    find_broken,
+    refuse,
+)
+from .effects import not_applicable
 from .failures import FailedCondition
 from .replan import PlanOptions, Remaining, check_options, take_over
 from .steps import ground
@@ -349,16 +358,26 @@ class Executive:
         # At each revision: a broken condition may hold again by now.
         for at in self._unseen():
             self._seen = at
-            begun = [one for one in steps if one.revision is None or one.revision <= at]
-            try:
-                broken = find_broken(self._store, begun, at) if begun else []
-            except ArchivedError:
-                continue  # It was archived since; the next revision decides.
+            broken = self._broken_at(at, steps)
             if broken:
                 step = broken[0].step
                 self._fail(step, tuple(each for each in broken if each.step == step))
                 return True
         return False
+
+    def _broken_at(self, at: int, steps: Iterable[Execution]) -> list[BrokenInvariant]:
+        begun = [one for one in steps if one.revision is None or one.revision <= at]
+        try:
+            return find_broken(self._store, begun, at) if begun else []
+        except ArchivedError:
+            return []  # It was archived since; the next revision decides.
+
+    def _refuse_broken(self, step: Execution) -> None:
+        """Refuse to end a step if a revision since the last look broke one of its conditions."""
+        for at in self._unseen():
+            broken = self._broken_at(at, [step])
+            if broken:
+                raise not_applicable(step, [each.unsatisfied for each in broken])
 
     def _unseen(self) -> Sequence[int]:
         """Return the revisions since the last look; of many, those that changed the state."""
@@ -460,10 +479,10 @@ class Executive:
             if self._look_at_running():
                 return
             try:
-                found = self._store.read_definitions(lambda known: ground(known, now))
-                finish = end if found.action.is_durative else apply
-                finish(self.state, now, reason=self.reason)
+                self._finish(now)
             except (*_REFUSED, PlanError) as error:
+                if isinstance(error, NotApplicableError) and self._look_at_running():
+                    return
                 after = read_execution(self._store, key)
                 if str(after) != str(now):  # A name in it was erased meanwhile.
                     self._conclude(step, said)
@@ -478,6 +497,15 @@ class Executive:
             self._stop(now, said=said)
             return
         del self._running[key]
+
+    def _finish(self, step: Execution) -> None:
+        """Write the remaining effects of a step."""
+        found = self._store.read_definitions(lambda known: ground(known, step))
+        if found.action.is_durative:
+            check = partial(self._refuse_broken, step)
+            end_running(self._store, step, self.reason, check=check)
+        else:
+            apply(self.state, step, reason=self.reason)
 
     def _fail(self, step: Execution, broken: tuple[BrokenInvariant, ...]) -> None:
         why = "; ".join(str(each).removeprefix(f"{step}: ") for each in broken)

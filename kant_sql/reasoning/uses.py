@@ -17,7 +17,7 @@ from decimal import Decimal
 from itertools import product
 from typing import Any, NamedTuple
 
-from ..dto.formulas import AT_END
+from ..dto.formulas import AT_END, AT_START
 from ..errors import UnsupportedConstructError
 from ..knowledge import resolved as r
 from ..knowledge.definitions import Definitions
@@ -57,6 +57,10 @@ def _parts_used(action: PreparedAction, time: str) -> Iterator[r.Part]:
             part = r.all_of([part, *(r.Compares("=", one, one) for one in item.numbers)])
         if part != r.TRUE:
             yield r.Witness(item.bound, part) if item.bound else part
+    # The start also decides on effects at the end.
+    for item in action.items(AT_END) if action.is_durative and time == AT_START else ():
+        if item.earlier != r.TRUE:
+            yield r.Witness(item.bound, item.earlier) if item.bound else item.earlier
 
 
 Given = Mapping[r.Place, int | None]

@@ -223,7 +223,8 @@ def _read(path: Path, keys: Collection[_Key], namespace: str | None) -> Iterator
         raise
     except Exception as error:
         # rosbags raises any error for a damaged file.
-        raise InvalidArgumentError(f"cannot read the bag {path}: {error}; {_REPAIR}") from error
+        said = str(error).rstrip(".")
+        raise InvalidArgumentError(f"cannot read the bag {path}: {said}; {_REPAIR}") from error
 
 
 def _key(connection: Any) -> _Key:

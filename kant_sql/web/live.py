@@ -241,6 +241,8 @@ async def events(
 async def _stream(
     hub: LiveHub, name: str | None, seen: int | None, is_accepted: Callable[[], bool]
 ) -> AsyncIterator[str]:
+    if hub.is_closed:
+        return  # Nobody would end the thread.
     # Not before: of a reader who leaves at once, this never begins.
     feed = hub.join(name)
     try:

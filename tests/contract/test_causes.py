@@ -33,6 +33,9 @@ DOMAIN = """
     :effect (and (at start (docking ?r)) (at end (not (docking ?r)))))
   (:durative-action charge :parameters (?r - robot) :duration (= ?duration 5)
     :effect (increase (battery ?r) (* #t (rate))))
+  (:durative-action watch :parameters (?r - robot) :duration (= ?duration 5)
+    :effect (forall (?p - place)
+      (when (and (at start (alarm ?p)) (at end (at ?r ?p))) (at end (seen ?p)))))
   (:durative-action boil :parameters () :duration (= ?duration 5)
     :effect (assign (rate) (* #t 2))))
 """
@@ -106,6 +109,17 @@ def test_a_continuous_effect_used_its_rate(kb: KnowledgeBase) -> None:
     # What cannot be executed can be reported, and used nothing.
     kb.executions.report("boil", outcome="succeeded")
     assert acts(kb, "(rate)") == [(1, "(charge rb1)")]
+
+
+def test_an_effect_at_the_end_used_its_condition_at_the_start(kb: KnowledgeBase) -> None:
+    kb.propositions.delete("(seen lab)")
+    kb.propositions.save_all(["(alarm lab)", "(alarm hall)"])
+    step = kb.start("(watch rb1)")
+    kb.propositions.delete("(alarm lab)")
+    kb.end(step)
+    assert acts(kb, "(alarm lab)") == acts(kb, "(alarm hall)") == [(1, "(watch rb1)")]
+    link, *_ = kb.origins("(seen lab)")
+    assert link.used == ("(alarm hall)", "(alarm lab)", "(at rb1 lab)")
 
 
 def test_consequences_are_followed(kb: KnowledgeBase) -> None:

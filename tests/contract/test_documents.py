@@ -481,6 +481,15 @@ def test_goals_and_constraints_said_twice_are_kept(depot_kb: KnowledgeBase) -> N
     assert depot_kb.load_problem(depot_kb.problem_pddl()).revision is None
 
 
+def test_timed_literals_that_differ_in_the_spelling_of_a_number_are_kept(
+    depot_kb: KnowledgeBase,
+) -> None:
+    for time in ("5", "5.0"):
+        depot_kb.pddl.timed_initial_literals.save(f"(at {time} (idle))")
+    text = depot_kb.problem_pddl()
+    assert write(read_problem(text, domain=depot_kb.pddl.domain(), strict=True)) == text
+
+
 def test_spelling_is_the_first_one(depot_kb: KnowledgeBase) -> None:
     loud = PROBLEM.upper().replace("MONDAY", "Monday")
     depot_kb.load_problem(loud)

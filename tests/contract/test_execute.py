@@ -28,8 +28,7 @@ from kant_sql.errors import (
     TransactionOpenError,
 )
 from kant_sql.reasoning import Step, execute
-from kant_sql.reasoning.durative import BrokenInvariant, end, find_broken
-from kant_sql.store.state import State
+from kant_sql.reasoning.durative import BrokenInvariant, end_running, find_broken
 from tests.support.reading import beside, loaded, nothing_changes, present, store_of
 from tests.support.stores import Connect
 
@@ -218,6 +217,21 @@ def test_an_invariant_that_is_broken_and_mended_fails_the_step(kb: KnowledgeBase
     [broken] = found.unsatisfied
     assert (broken.unsatisfied.condition, kb.holds("(lit room)")) == ("(lit room)", True)
     assert present(broken.since).actor == "nurse"
+
+
+def test_an_invariant_that_is_broken_and_mended_in_the_last_moment_fails_the_step(
+    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def raced(*given: Any, **how: Any) -> Execution:
+        nurse(kb).propositions.delete("(lit room)")
+        kb.propositions.save("(lit room)")
+        return end_running(*given, **how)
+
+    monkeypatch.setattr(execute, "end_running", raced)
+    found = kb.execute("(switch room)\n(move r1 hall room)", do_nothing)
+    assert outcomes(found) == ["succeeded", "failed"]
+    [broken] = found.unsatisfied
+    assert (present(broken.since).actor, kb.holds("(at r1 room)")) == ("nurse", False)
 
 
 @pytest.mark.parametrize("breaks", [False, True])
@@ -432,11 +446,11 @@ def test_a_recorded_plan_goes_on_from_its_present_outcomes(kb: KnowledgeBase) ->
 def test_a_step_that_another_ends_in_the_last_moment_is_done(
     kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def raced(state: State, step: Execution, **given: Any) -> Execution:
-        end(state, step, **given)
-        return end(state, step, **given)
+    def raced(*given: Any, **how: Any) -> Execution:
+        end_running(*given, **how)
+        return end_running(*given, **how)
 
-    monkeypatch.setattr(execute, "end", raced)
+    monkeypatch.setattr(execute, "end_running", raced)
     assert outcomes(kb.execute("(clean hall)\n(clean room)", do_nothing)) == ["succeeded"] * 2
 
 

@@ -477,6 +477,33 @@ def test_an_effect_at_the_end_may_depend_on_the_start(kb: KnowledgeBase) -> None
         kb.end("(long p1 c1 c0)")
 
 
+@pytest.mark.parametrize("is_committed", [True, False])
+def test_a_step_may_end_in_a_transaction(kb: KnowledgeBase, is_committed: bool) -> None:
+    kb.propositions.save("(lit c1)")
+    if is_committed:
+        kb.start("(long p1 c0 c1)")
+    with kb.transaction():
+        if not is_committed:
+            kb.start("(long p1 c0 c1)")
+        kb.propositions.delete("(lit c1)")
+        kb.end("(long p1 c0 c1)")
+    assert kb.holds("(and (calm) (at p1 c1))")
+
+
+@pytest.mark.parametrize("more", ["", "(when (at start (lit ?x)) (at end (not (at ?a ?y))))"])
+def test_an_action_may_be_defined_otherwise_while_its_step_runs(
+    kb: KnowledgeBase, more: str
+) -> None:
+    kb.propositions.save("(lit c1)")
+    kb.start("(long p1 c0 c1)")
+    calm = "(when (at start (lit ?y)) (at end (calm)))"
+    kb.actions.save(f"""(:durative-action long :parameters (?a - aircraft ?x ?y - city)
+      :duration (= ?duration 3) :condition (at end (busy ?a))
+      :effect (and (at end (at ?a ?y)) {more} {calm}))""")
+    kb.end("(long p1 c0 c1)")
+    assert kb.holds("(and (calm) (at p1 c1))")
+
+
 ROOMS = """
 (define (domain rooms) (:requirements :typing :durative-actions :fluents :derived-predicates
     :conditional-effects :negative-preconditions :duration-inequalities)

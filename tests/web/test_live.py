@@ -9,7 +9,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import urlsplit
@@ -19,6 +19,7 @@ import pytest
 
 from kant_sql import KnowledgeBase
 from kant_sql.web import live
+from kant_sql.web.stores import OpenStore
 from kant_sql.web.tokens import TokenFile
 from tests.support.clusters import free_port
 from tests.support.faults import terminate
@@ -153,6 +154,8 @@ def test_all_readers_share_one_thread_which_ends_after_the_last(
 ) -> None:
     monkeypatch.setattr(live, "LINGER", 0.1)
     monkeypatch.setattr(live, "WATCH_FOR", 0.2)
+    # The thread of an earlier test may just end.
+    wait_for(lambda: not watchers())
     with running(shared_url) as address:
         with ExitStack() as stack:
             streams = [
@@ -213,6 +216,14 @@ def test_a_server_that_stops_ends_its_streams(shared_url: str, kb: KnowledgeBase
         assert list(stream.rest()) is not None
         assert time.monotonic() - started < SOON
     wait_for(lambda: not watchers())
+
+
+async def test_a_stream_that_begins_while_the_server_stops_starts_no_thread() -> None:
+    with closing(OpenStore("sqlite://", read_only=False)) as store:
+        hub = live.LiveHub(store)
+        hub.close()
+        assert [part async for part in live._stream(hub, "tiago", None, lambda: True)] == []
+        assert "tiago" not in hub._feeds
 
 
 def test_readers_go_on_after_a_restart_of_the_server(shared_url: str, kb: KnowledgeBase) -> None:
