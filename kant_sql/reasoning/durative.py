@@ -468,10 +468,13 @@ def _earlier(transaction: Transaction, store: Store, step: Execution, found: Gro
         return {}
     # Without a committed outcome, this transaction has started it.
     of_start = step.outcomes[-1].since.number if step.outcomes else transaction.number
-    # By the present definition of the action: it may have changed since.
-    return store.read_in_snapshot(
-        lambda view: EffectReader(view, found, {}).earlier(items), of_start - 1
-    )
+    # By the present definitions: that of the action may have changed, and need others, since.
+    known = found.action.definitions
+
+    def read(view: View) -> Earlier:
+        return EffectReader(view._replace(definitions=known), found, {}).earlier(items)
+
+    return store.read_in_snapshot(read, of_start - 1)
 
 
 def broken_invariants(state: State) -> list[BrokenInvariant]:

@@ -124,6 +124,20 @@ def test_an_erased_name_does_not_come_back_with_a_plan(
     assert kb.store.verify().is_intact
 
 
+def test_an_action_may_need_what_its_start_did_not_know(kb: KnowledgeBase) -> None:
+    kb.propositions.delete("(seen room)")
+    step = kb.start("(visit r1 room)")
+    kb.propositions.delete("(seen room)")
+    kb.predicates.save("(warm ?p - place)")
+    kb.propositions.save("(warm room)")
+    kb.actions.save(
+        "(:durative-action visit :parameters (?r - robot ?p - place) :duration (= ?duration 5)"
+        " :effect (when (at start (exists (?q - place) (warm ?q))) (at end (seen ?p))))"
+    )
+    assert kb.end(step).outcome == "succeeded"
+    assert not kb.holds("(seen room)")  # Nothing was warm then.
+
+
 @pytest.mark.parametrize("function", ["read_any_plan", "read_task"])
 def test_a_plan_is_validated_with_the_names_of_its_state(
     kb: KnowledgeBase, after: Callable[..., None], function: str
