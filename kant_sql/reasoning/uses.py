@@ -56,11 +56,16 @@ def _parts_used(action: PreparedAction, time: str) -> Iterator[r.Part]:
             # This holds if the fluents have values.
             part = r.all_of([part, *(r.Compares("=", one, one) for one in item.numbers)])
         if part != r.TRUE:
-            yield r.Witness(item.bound, part) if item.bound else part
+            yield _of_effect(item.bound, part)
     # The start also decides on effects at the end.
     for item in action.items(AT_END) if action.is_durative and time == AT_START else ():
         if item.earlier != r.TRUE:
-            yield r.Witness(item.bound, item.earlier) if item.bound else item.earlier
+            yield _of_effect(item.bound, item.earlier)
+
+
+def _of_effect(bound: tuple[r.Bound, ...], part: r.Part) -> r.Part:
+    # Within a conjunction, it counts only as a whole: an effect takes place or does not.
+    return r.Witness(bound, part) if bound else r.AllOf((part,))
 
 
 Given = Mapping[r.Place, int | None]

@@ -33,6 +33,8 @@ DOMAIN = """
     :effect (and (at start (docking ?r)) (at end (not (docking ?r)))))
   (:durative-action charge :parameters (?r - robot) :duration (= ?duration 5)
     :effect (increase (battery ?r) (* #t (rate))))
+  (:action tally :parameters (?p - place)
+    :effect (when (and (lit ?p) (alarm ?p)) (increase (rate) (length ?p ?p))))
   (:durative-action watch :parameters (?r - robot) :duration (= ?duration 5)
     :effect (forall (?p - place)
       (when (and (at start (alarm ?p)) (at end (at ?r ?p))) (at end (seen ?p)))))
@@ -120,6 +122,17 @@ def test_an_effect_at_the_end_used_its_condition_at_the_start(kb: KnowledgeBase)
     assert acts(kb, "(alarm lab)") == acts(kb, "(alarm hall)") == [(1, "(watch rb1)")]
     link, *_ = kb.origins("(seen lab)")
     assert link.used == ("(alarm hall)", "(alarm lab)", "(at rb1 lab)")
+
+
+def test_an_effect_that_does_not_take_place_used_nothing(kb: KnowledgeBase) -> None:
+    kb.function_values.save_all(["(= (length lab lab) 1)", "(= (rate) 0)"])
+    kb.apply("(tally lab)")
+    assert acts(kb, "(length lab lab)") == []
+    assert (1, "(tally lab)") not in acts(kb, "(lit lab)")
+    kb.propositions.save("(alarm lab)")
+    kb.apply("(tally lab)")
+    for used in ("(length lab lab)", "(lit lab)", "(alarm lab)"):
+        assert acts(kb, used).count((1, "(tally lab)")) == 1
 
 
 def test_consequences_are_followed(kb: KnowledgeBase) -> None:
