@@ -186,5 +186,6 @@ class PlanDao(ABC):
 
         Raises:
             PlanError: the step is unknown, or its present outcome does not allow this one.
+            InvalidArgumentError: this transaction is about a period.
             ReadOnlyError: this is a view of the past.
         """

@@ -273,7 +273,12 @@ class SqlPlanDao(SqlDao, PlanDao):
         self._check_writable()
         one_of(status, STEP_OUTCOMES, "the status", PlanError)
         key_of(step)
-        return self._open_store.write(lambda transaction: set_outcome(transaction, step, status))
+
+        def work(transaction: Transaction) -> bool:
+            transaction.refuse_period("the status of a step", "set it in another transaction")
+            return set_outcome(transaction, step, status)
+
+        return self._open_store.write(work)
 
 
 def _status(plan: Plan) -> str | None:

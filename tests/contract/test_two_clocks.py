@@ -13,7 +13,7 @@ import pytest
 from sqlalchemy import make_url
 
 import kant_sql
-from kant_sql import KnowledgeBase
+from kant_sql import KnowledgeBase, Plan
 from kant_sql.errors import InvalidArgumentError
 from kant_sql.knowledge.canonical import text_time, time_text
 from kant_sql.store import transaction
@@ -165,8 +165,10 @@ def test_what_speaks_of_now_is_refused_in_a_period(kb: KnowledgeBase) -> None:
         "(:action sweep :parameters (?p - room) :effect (clean ?p)))",
         mode="merge",
     )
+    step = kb.plans.record(Plan.read("(sweep hall)")).steps[0]
     calls: dict[str, Any] = {
         "an act": lambda: kb.apply("(sweep hall)"),
+        "the status of a step": lambda: kb.plans.set_status(step, status="running"),
         "an execution": lambda: kb.executions.report("(sweep hall)", outcome="succeeded"),
         r"delete_all\(\)": kb.propositions.delete_all,
         "insert or update": lambda: kb.propositions.insert(HALL),
