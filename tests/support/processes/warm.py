@@ -140,6 +140,8 @@ class Server:
         self._selector.register(alive, selectors.EVENT_READ, (client, pid))
 
     def _pass_on(self, client: socket.socket, pid: int) -> None:
+        if client.fileno() < 0:
+            return  # The program has ended at the same moment.
         if got := client.recv(1):
             os.kill(pid, got[0])
             return
