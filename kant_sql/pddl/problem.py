@@ -390,7 +390,7 @@ class InitialStateReader(FormulaReader):
         self.expect(")", "')' after the timed literal")
         text = str(timed)
         if text in self._timed:
-            self.deviate("each timed literal once", "left out", f"{timed} again", start)
+            self.deviate("each timed literal once", "left out", f"{text} again", start)
         # By its text, as in a store: 5 and 5.0 are two spellings.
         self._timed[text] = timed
 

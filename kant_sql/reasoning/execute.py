@@ -54,7 +54,7 @@ from .effects import not_applicable
 from .failures import FailedCondition
 from .replan import PlanOptions, Remaining, check_options, take_over
 from .steps import ground
-from .validate import GivenPlan, read_any_plan
+from .validate import GivenPlan, has_same_steps, read_any_plan
 
 Dispatch = Callable[[Execution], object]
 # With more revisions, find those that changed the state first: a camera may confirm much.
@@ -240,7 +240,7 @@ class Executive:
             return given  # It was just read, by its id.
         # Its steps may have other outcomes than when it was read.
         now = plans.get(given.id)
-        if now is None or [*map(str, now.steps)] != [*map(str, given.steps)]:
+        if now is None or not has_same_steps(now, given):
             raise PlanError(
                 f"plan {given.id} is of another store, or a name was erased; read it again, or "
                 "record it in this one"
@@ -366,11 +366,12 @@ class Executive:
         return False
 
     def _broken_at(self, at: int, steps: Iterable[Execution]) -> list[BrokenInvariant]:
+        """Find the conditions of steps that did not hold at a revision; none of an archived one."""
         begun = [one for one in steps if one.revision is None or one.revision <= at]
         try:
             return find_broken(self._store, begun, at) if begun else []
         except ArchivedError:
-            return []  # It was archived since; the next revision decides.
+            return []  # The next revision decides.
 
     def _refuse_broken(self, step: Execution) -> None:
         """Refuse to end a step if a revision since the last look broke one of its conditions."""

@@ -237,6 +237,7 @@ def _as_now(state: State, plan: RecordedPlan) -> RecordedPlan:
 
 
 def _as_read(plan: RecordedPlan) -> list[tuple[str, str | None]]:
+    """Return what other writers may change in a plan: names, by erasures, and outcomes."""
     return [(str(step), step.outcome) for step in plan.steps]
 
 

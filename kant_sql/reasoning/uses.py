@@ -64,7 +64,7 @@ def _parts_used(action: PreparedAction, time: str) -> Iterator[r.Part]:
 
 
 def _of_effect(bound: tuple[r.Bound, ...], part: r.Part) -> r.Part:
-    # Within a conjunction, it counts only as a whole: an effect takes place or does not.
+    """Return what an effect used: all of it or nothing, as it takes place or does not."""
     return r.Witness(bound, part) if bound else r.AllOf((part,))
 
 

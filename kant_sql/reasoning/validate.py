@@ -225,9 +225,12 @@ def validate(state: State, plan: GivenPlan, *, at: When | None = None) -> Valida
 
 def was_renamed(state: State, plan: GivenPlan, read: Plan | RecordedPlan) -> bool:
     """Return whether a name was erased since a plan was read by its id."""
-    if not isinstance(plan, int):
-        return False
-    return [*map(str, read_any_plan(state, plan).steps)] != [*map(str, read.steps)]
+    return isinstance(plan, int) and not has_same_steps(read_any_plan(state, plan), read)
+
+
+def has_same_steps(one: Plan | RecordedPlan, other: Plan | RecordedPlan) -> bool:
+    """Return whether two plans have the same steps by their texts."""
+    return [*map(str, one.steps)] == [*map(str, other.steps)]
 
 
 def read_any_plan(state: State, plan: GivenPlan) -> Plan | RecordedPlan:

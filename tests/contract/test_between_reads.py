@@ -20,7 +20,7 @@ from kant_sql.plans import dao
 from kant_sql.reasoning import durative, execute, links, replan, search, validate
 from kant_sql.sql.changes import Change as Line
 from kant_sql.store.state import State
-from tests.support.reading import beside, loaded, store_of
+from tests.support.reading import as_actor, loaded
 
 DOMAIN = """
 (define (domain ward) (:requirements :typing :durative-actions) (:types robot place)
@@ -54,11 +54,6 @@ def archived(to: Path) -> Change:
     return archive
 
 
-def camera(kb: KnowledgeBase) -> KnowledgeBase:
-    """Another writer of the same knowledge base."""
-    return beside(kb, store_of(kb).name, "camera")
-
-
 @pytest.fixture
 def after(kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Let another writer change the store once, right after a function has returned."""
@@ -69,7 +64,7 @@ def after(kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> Callable[..., N
         def called(*given: Any, **named: Any) -> Any:
             found = call(*given, **named)
             if changes:
-                changes.pop()(camera(kb))
+                changes.pop()(as_actor(kb, "camera"))
             return found
 
         monkeypatch.setattr(module, function, called)
@@ -172,7 +167,7 @@ def test_a_planner_is_asked_again_if_a_name_was_erased_while_it_worked(
         asked.append(task.revision)
         given = write(task.domain), write(task.problem)
         if len(asked) == 1:
-            camera(kb).erase("hall", reason="asked")
+            as_actor(kb, "camera").erase("hall", reason="asked")
         digest = problem_hash(given[0], problem=given[1])
         return replace(Plan.read("(visit r1 room)\n"), revision=task.revision, problem_hash=digest)
 

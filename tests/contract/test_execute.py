@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import CancelledError
 from contextlib import asynccontextmanager
 from multiprocessing import get_context
@@ -29,7 +29,7 @@ from kant_sql.errors import (
 )
 from kant_sql.reasoning import Step, execute
 from kant_sql.reasoning.durative import BrokenInvariant, end_running, find_broken
-from tests.support.reading import beside, loaded, nothing_changes, present, store_of
+from tests.support.reading import as_actor, loaded, nothing_changes, present
 from tests.support.stores import Connect
 
 DOMAIN = """
@@ -62,11 +62,6 @@ LONG = 90
 def kb(fresh_kb: KnowledgeBase) -> KnowledgeBase:
     """A ward with two robots in the hall."""
     return loaded(fresh_kb, DOMAIN, PROBLEM)
-
-
-def nurse(kb: KnowledgeBase) -> KnowledgeBase:
-    """Another writer of the same knowledge base."""
-    return beside(kb, store_of(kb).name, "nurse")
 
 
 def outcomes(found: ExecutedPlan) -> list[str | None]:
@@ -191,7 +186,7 @@ def test_an_invariant_that_another_breaks_is_found_while_the_step_runs(kb: Knowl
 
     def interfere() -> None:
         assert running.wait(LONG)
-        nurse(kb).propositions.delete("(lit room)")
+        as_actor(kb, "nurse").propositions.delete("(lit room)")
 
     other = threading.Thread(target=interfere)
     other.start()
@@ -209,7 +204,7 @@ def test_an_invariant_that_another_breaks_is_found_while_the_step_runs(kb: Knowl
 def test_an_invariant_that_is_broken_and_mended_fails_the_step(kb: KnowledgeBase) -> None:
     def flicker(step: Execution) -> None:
         if step.action == "move":
-            nurse(kb).propositions.delete("(lit room)")
+            as_actor(kb, "nurse").propositions.delete("(lit room)")
             kb.propositions.save("(lit room)")
 
     found = kb.execute("(switch room)\n(move r1 hall room)", flicker)
@@ -223,7 +218,7 @@ def test_an_invariant_that_is_broken_and_mended_in_the_last_moment_fails_the_ste
     kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def raced(*given: Any, **how: Any) -> Execution:
-        nurse(kb).propositions.delete("(lit room)")
+        as_actor(kb, "nurse").propositions.delete("(lit room)")
         kb.propositions.save("(lit room)")
         return end_running(*given, **how)
 
@@ -238,7 +233,7 @@ def test_an_invariant_that_is_broken_and_mended_in_the_last_moment_fails_the_ste
 def test_confirmations_are_passed_over(
     kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, breaks: bool
 ) -> None:
-    camera, written, looked = nurse(kb), Event(), list[int | None]()
+    camera, written, looked = as_actor(kb, "nurse"), Event(), list[int | None]()
 
     def find(store: Any, running: Any, at: int | None = None) -> list[BrokenInvariant]:
         assert written.wait(LONG)
@@ -266,7 +261,7 @@ def test_a_condition_is_waited_for_and_refused_in_the_end(kb: KnowledgeBase) -> 
     assert found.step is not None
     assert found.step.text == "(lit room): does not hold right after the start"
     assert kb.executions.get(found.step.id) == found.step
-    other = threading.Timer(0.1, lambda: nurse(kb).propositions.save("(lit room)"))
+    other = threading.Timer(0.1, lambda: as_actor(kb, "nurse").propositions.save("(lit room)"))
     other.start()
     # It is not done, so it can be executed yet.
     found = kb.execute(found.plan.id, do_nothing, timeout=LONG)
@@ -343,28 +338,42 @@ def test_a_step_whose_name_is_erased_goes_on(kb: KnowledgeBase) -> None:
     assert kb.holds("(and (clean erased-1) (lit erased-1))")
 
 
-@pytest.mark.parametrize("function", ["find_broken", "ground", "broken_since"])
-def test_a_name_may_be_erased_between_two_reads(
-    kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch, function: str
+@pytest.fixture
+def erased_before(kb: KnowledgeBase, monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Let another writer erase a name right before a function reads."""
+
+    def interfere(function: str) -> None:
+        read = getattr(execute, function)
+
+        def erased(*given: Any) -> Any:
+            if kb.objects.get("room") is not None:
+                as_actor(kb, "nurse").erase("room", reason="asked")
+            return read(*given)
+
+        monkeypatch.setattr(execute, function, erased)
+
+    return interfere
+
+
+@pytest.mark.parametrize("function", ["find_broken", "ground"])
+def test_a_step_whose_name_is_erased_between_two_reads_goes_on(
+    kb: KnowledgeBase, erased_before: Callable[[str], None], function: str
 ) -> None:
-    read = getattr(execute, function)
-
-    def erased(*given: Any) -> Any:
-        if kb.objects.get("room") is not None:
-            nurse(kb).erase("room", reason="asked")
-        return read(*given)
-
-    monkeypatch.setattr(execute, function, erased)
-    if function == "broken_since":
-        kb.propositions.save("(lit room)")
+    erased_before(function)
     found = kb.execute("(clean room)\n(switch room)", do_nothing)
-    if function == "broken_since":
-        [broken] = found.unsatisfied
-        assert str(broken.unsatisfied) == "(not (lit erased-1)): does not hold"
-        assert present(broken.since).reason is None
-    else:
-        assert outcomes(found) == ["succeeded"] * 2
-        assert kb.holds("(and (clean erased-1) (lit erased-1))")
+    assert outcomes(found) == ["succeeded"] * 2
+    assert kb.holds("(and (clean erased-1) (lit erased-1))")
+
+
+def test_a_step_whose_name_is_erased_while_it_is_refused_says_why(
+    kb: KnowledgeBase, erased_before: Callable[[str], None]
+) -> None:
+    kb.propositions.save("(lit room)")
+    erased_before("broken_since")
+    found = kb.execute("(clean room)\n(switch room)", do_nothing)
+    [broken] = found.unsatisfied
+    assert str(broken.unsatisfied) == "(not (lit erased-1)): does not hold"
+    assert present(broken.since).reason is None
 
 
 def test_what_broke_before_an_archive_ends_the_plan(kb: KnowledgeBase, tmp_path: Path) -> None:
@@ -378,7 +387,7 @@ def test_what_broke_before_an_archive_ends_the_plan(kb: KnowledgeBase, tmp_path:
     [broken] = kb.pddl.broken_invariants()
     assert (broken.step.id, broken.since) == (running.id, None)
     kb.propositions.save("(lit hall)")
-    nurse(kb).propositions.delete("(lit hall)")
+    as_actor(kb, "nurse").propositions.delete("(lit hall)")
     [broken] = kb.pddl.broken_invariants()
     assert present(broken.since).actor == "nurse"
 
@@ -428,7 +437,7 @@ def test_whoever_ends_a_step_ends_the_plan(kb: KnowledgeBase) -> None:
     stop = Event()
 
     def aborted(step: Execution) -> None:
-        nurse(kb).executions.report(step, outcome="aborted")
+        as_actor(kb, "nurse").executions.report(step, outcome="aborted")
         assert stop.wait(LONG)
 
     found = kb.execute("(clean hall)", aborted, cancel=lambda step: stop.set())

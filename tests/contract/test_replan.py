@@ -28,7 +28,7 @@ from kant_sql.reasoning.execute import Executive
 from kant_sql.reasoning.replan import Remaining
 from kant_sql.store.state import State
 from tests.support.profile import PROFILE, hunting
-from tests.support.reading import beside, loaded, present, store_of, undone
+from tests.support.reading import as_actor, loaded, present, undone
 
 HOUSE = """
 (define (domain house) (:requirements :adl :durative-actions :fluents :derived-predicates)
@@ -84,11 +84,6 @@ def knows(tmp_path: Path) -> Callable[..., list[str]]:
     return make
 
 
-def camera(kb: KnowledgeBase) -> KnowledgeBase:
-    """Another writer of the same knowledge base."""
-    return beside(kb, store_of(kb).name, "camera")
-
-
 def look(kb: KnowledgeBase, remaining: Remaining) -> tuple[str | None, bool]:
     """Look at a plan as it is now."""
     plan = present(kb.plans.get(remaining.plan_id))
@@ -130,7 +125,7 @@ def test_only_what_touches_the_plan_is_looked_at(change: str, kb: KnowledgeBase)
     first = kb.replan()
     assert (first.plan.id, first.broken, first.is_validated) == (1, None, True)
     assert not kb.replan().is_validated
-    {**APART, **NEEDED}[change](camera(kb))
+    {**APART, **NEEDED}[change](as_actor(kb, "camera"))
     broken, _ = look(kb, Remaining(1))
     if change not in ("a door", "where it is", "a number"):
         assert broken is None
@@ -146,7 +141,7 @@ def test_only_what_touches_the_plan_is_looked_at(change: str, kb: KnowledgeBase)
 def test_a_name_that_is_erased_after_the_plan_was_read_breaks_nothing(kb: KnowledgeBase) -> None:
     plan = present(kb.plans.get(1))
     assert "kitchen" in str(plan.steps)
-    camera(kb).erase("kitchen", reason="asked")
+    as_actor(kb, "camera").erase("kitchen", reason="asked")
     assert Remaining(1).look(state_of(kb), plan) == (None, True)
 
 
@@ -313,7 +308,7 @@ def test_a_door_closes_and_the_robot_goes_around(
 
     def drive(step: Execution) -> None:
         if not done:
-            camera(kb).propositions.delete("(open d2)")
+            as_actor(kb, "camera").propositions.delete("(open d2)")
         done.append(str(step))
 
     found = kb.execute(1, drive, replan={"engines": knows(NEAR, BACK)})
@@ -338,7 +333,7 @@ def test_a_goal_that_is_undone_is_reached_again(
         nonlocal count
         count += 1
         if count == 2:
-            camera(kb).goals.save("(lit office)")
+            as_actor(kb, "camera").goals.save("(lit office)")
 
     light = "(:action light :parameters (?r - room) :effect (lit ?r))"
     kb.load_domain(HOUSE.replace("(:action leave", f"{light} (:action leave"))
@@ -412,9 +407,9 @@ def test_what_others_do_while_the_planner_works_counts(
         monkeypatch.undo()
         found = plan(state, **options)
         if other == "replans":
-            assert camera(kb).replan(engine=engine).plan.id == 3
+            assert as_actor(kb, "camera").replan(engine=engine).plan.id == 3
         else:
-            camera(kb).start(before.steps[0])
+            as_actor(kb, "camera").start(before.steps[0])
         return found
 
     kb.propositions.delete("(open d2)")

@@ -19,7 +19,7 @@ from kant_sql.knowledge.canonical import text_time, time_text
 from kant_sql.store import transaction
 from tests.support.pages import Page
 from tests.support.reading import (
-    beside,
+    as_actor,
     facts,
     last_changes,
     nothing_changes,
@@ -342,7 +342,7 @@ def test_many_facts_are_said_in_parts(kb: KnowledgeBase, monkeypatch: pytest.Mon
 
 def test_a_connection_takes_the_time_of_messages(kb: KnowledgeBase) -> None:
     seen = ago(2)
-    camera = beside(kb, store_of(kb).name, "camera")
+    camera = as_actor(kb, "camera")
     store_of(camera).write_clock = "observed"
     with camera.transaction(observed_at=seen):
         camera.propositions.save(HALL)

@@ -63,6 +63,11 @@ def beside(kb: KnowledgeBase, name: str, actor: str | None = "test") -> Knowledg
     return KnowledgeBase(SameStore(kb.store.factory, name, actor))
 
 
+def as_actor(kb: KnowledgeBase, actor: str) -> KnowledgeBase:
+    """Return the same knowledge base for another writer."""
+    return beside(kb, store_of(kb).name, actor)
+
+
 def state(kb: KnowledgeBase) -> State:
     """Return everything that holds, as PDDL text, in the order of reading."""
     return {
