@@ -57,6 +57,7 @@ def problem(text: str) -> Problem:
         ("(:functions (g))", 14, "found 'g' again, expected each function once", ""),
         ("(:requirements typing)", 16, "found 'typing', expected ':typing'", None),
         ("(:requirements :adl)", 1, "expected (:requirements ...) once", ""),
+        ("(:requirements :typng)", 16, "':typng', expected a known requirement; kept (did", None),
         (
             "(:action e :precondition (r))",
             10,
