@@ -27,6 +27,7 @@ from ..sql.intervals import ANY_PREDICATE, held_by, then
 from ..sql.lanes import revisions_at
 from ..sql.query import Query, constant, first_rows, in_list, integer
 from ..sql.rows import KB, PROPOSITION, THEN, VERSION_COLUMNS, looked_up, table_of
+from ..store.snapshot import View
 from ..store.state import State
 from .moments import find_bounds
 from .revisions import LARGEST, Version, at_most, read_numbered
@@ -148,13 +149,18 @@ def contradicted(
     return _find(state, "contradicted", None, limit, low=bounds.low, high=bounds.high)
 
 
-def stale_facts(state: State, ids: Collection[int], than: float) -> list[Version]:
-    """Find the given facts that nobody has asserted or confirmed for some seconds."""
-    return _find(state, "stale", than, None, ids=ids)
+def stale_facts(state: State, view: View, ids: Collection[int], than: float) -> list[Version]:
+    """Find the facts of a view that nobody has asserted or confirmed for some seconds."""
+    return _find(state, "stale", than, None, view, ids=ids)
 
 
 def _find(
-    state: State, which: str, seconds: float | None, limit: int | None, **given: Any
+    state: State,
+    which: str,
+    seconds: float | None,
+    limit: int | None,
+    view: View | None = None,
+    **given: Any,
 ) -> list[Version]:
     role = "than" if which == "stale" else "older_than"
     age = None if seconds is None else period(seconds, role)
@@ -180,4 +186,7 @@ def _find(
         order = {(row[1], row[2]): place for place, row in enumerate(rows)}
         return sorted(made, key=lambda one: order[one.text, one.since.number])
 
-    return html.Listing(state.store.query_known(work, []), "fact")
+    # Pending changes of a transaction have no revision yet.
+    if view is None or view.kb_id is None or state.at != state.upto:
+        return html.Listing(state.store.query_known(work, []), "fact")
+    return html.Listing(work(view.session, view.kb_id), "fact")
