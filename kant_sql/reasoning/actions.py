@@ -301,10 +301,6 @@ class Snap:
         """The names of the objects of the action's parameters."""
         return bound(self.schema.action.variables, self.world.names(self.arguments))
 
-    def unmet(self) -> list[FailedCondition]:
-        """Return the conditions, and the constraints on the duration, that do not hold."""
-        return self.phase.unmet(self)
-
     def prepare(self) -> list[FailedCondition]:
         """Compute the changes in the present state; return the reasons if this is impossible."""
         self.changes = Changes()
