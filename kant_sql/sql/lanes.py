@@ -146,7 +146,7 @@ def _is_said(source: LaneSource, alias: str) -> str:
     return (
         f"EXISTS (SELECT 1 FROM {source.identity}_saying AS s WHERE s.kb_id = :kb"
         f" AND s.{source.owner} = {alias}.id AND s.since <= :known"
-        " AND s.valid_from <= :until AND s.valid_until > :begin)"
+        " AND s.valid_from <= :until AND s.valid_until >= :begin)"
     )
 
 
@@ -206,7 +206,7 @@ def _lanes(
 
 
 # The conditions of `_few`: something was said of a time of the window, or an object is named.
-_SAID_IN = "one.since <= :known AND one.valid_from <= :until AND one.valid_until > :begin"
+_SAID_IN = "one.since <= :known AND one.valid_from <= :until AND one.valid_until >= :begin"
 _WITH_OBJECT = f"one.object_id = {_named('object', 'object')}"
 
 

@@ -312,3 +312,14 @@ def test_a_question_of_another_clock_is_refused(cup: KnowledgeBase) -> None:
             ask()
     with pytest.raises(UnknownRevisionError, match="future"):
         cup.when("(in cup1 hall)", until=datetime.now(UTC) + timedelta(1), clock="valid")
+
+
+def test_a_lane_is_there_until_the_last_microsecond_of_its_period(cup: KnowledgeBase) -> None:
+    end = datetime.now(UTC) - timedelta(minutes=30)
+    with cup.transaction(valid_from=end - timedelta(minutes=30), valid_until=end):
+        cup.propositions.save("(in cup1 kitchen)")
+    tick = timedelta(microseconds=1)
+    for since, count in ((end - tick, 1), (end, 0), (end + tick, 0)):
+        for until in (since, since + tick, since + 2 * tick):
+            lanes = cup.timeline(since, until=until, clock="valid", unchanged=True).lanes
+            assert len(lanes) == count
