@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
-from functools import cache
+from collections.abc import Collection, Iterable, Mapping
+from datetime import timedelta
+from functools import cache, partial
 from typing import Any
 
 from sqlalchemy import (
@@ -158,26 +159,40 @@ def _find(
 ) -> list[Version]:
     role = "than" if which == "stale" else "older_than"
     age = None if seconds is None else period(seconds, role)
-    size, at = at_most(limit), LARGEST if state.at is None else state.at
+    read = partial(_read, state, which, age, at_most(limit), given)
+    return html.Listing(state.store.query_known(read, []), "fact")
 
-    def work(session: Session, kb_id: int) -> list[Version]:
-        own = {name: value for name, value in given.items() if name != "ids"}
-        if "ids" in given:
-            own["ids"] = session.list_value([*given["ids"]])
-        if which != "contradicted":
-            own["upto"] = at
-            if age is not None:
-                past = read_numbered(session, kb_id, [state.at] if state.at else [])
-                last = next(iter(past.values()), None)
-                now = state.store.clock(session) if last is None else last.committed_at
-                [own["upto"]] = revisions_at(session, kb_id, [now - age])
-            own |= {} if state.at is None else then(session, at)
-        own["at"] = at
-        count = session.first(_COUNT, kb=kb_id) if which != "stale" else None
-        query = _query(which, state.at is not None, count is not None and count[0] <= FEW)
-        rows: list[Row] = session.rows(query, kb=kb_id, size=size, **own)
-        made = make_versions(session, kb_id, rows, at)
-        order = {(row[1], row[2]): place for place, row in enumerate(rows)}
-        return sorted(made, key=lambda one: order[one.text, one.since.number])
 
-    return html.Listing(state.store.query_known(work, []), "fact")
+def read_unconfirmed(state: State, session: Session, kb_id: int) -> list[Version]:
+    """Read all expected facts in a session, which may have read other parts of the state."""
+    return _read(state, "unconfirmed", None, at_most(None), {}, session, kb_id)
+
+
+def _read(
+    state: State,
+    which: str,
+    age: timedelta | None,
+    size: int,
+    given: Mapping[str, Any],
+    session: Session,
+    kb_id: int,
+) -> list[Version]:
+    at = LARGEST if state.at is None else state.at
+    own = {name: value for name, value in given.items() if name != "ids"}
+    if "ids" in given:
+        own["ids"] = session.list_value([*given["ids"]])
+    if which != "contradicted":
+        own["upto"] = at
+        if age is not None:
+            past = read_numbered(session, kb_id, [state.at] if state.at else [])
+            last = next(iter(past.values()), None)
+            now = state.store.clock(session) if last is None else last.committed_at
+            [own["upto"]] = revisions_at(session, kb_id, [now - age])
+        own |= {} if state.at is None else then(session, at)
+    own["at"] = at
+    count = session.first(_COUNT, kb=kb_id) if which != "stale" else None
+    query = _query(which, state.at is not None, count is not None and count[0] <= FEW)
+    rows: list[Row] = session.rows(query, kb=kb_id, size=size, **own)
+    made = make_versions(session, kb_id, rows, at)
+    order = {(row[1], row[2]): place for place, row in enumerate(rows)}
+    return sorted(made, key=lambda one: order[one.text, one.since.number])

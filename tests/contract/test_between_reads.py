@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from kant_sql import KnowledgeBase, Plan
+from kant_sql.acts import statistics
 from kant_sql.documents.exchange import read_task
 from kant_sql.errors import PlanError
 from kant_sql.history import diff
@@ -204,3 +205,12 @@ def test_a_change_that_is_archived_at_once_touches_a_plan(
     after(replan, "head_revision", archived(tmp_path))
     broken, is_judged = remaining.look(state_of(kb), plan)
     assert (broken, is_judged) == ("the goal (seen room): does not hold", True)
+
+
+def test_statistics_have_one_name_of_each_object(
+    kb: KnowledgeBase, after: Callable[..., None]
+) -> None:
+    kb.end(kb.start("(visit r1 room)"))
+    after(statistics, "attrgetter", lambda other: other.erase("room", reason="asked"))
+    found = {one.argument: one.unconfirmed for one in kb.statistics(by=["argument"])}
+    assert found == {"r1": 2, "erased-1": 2}
