@@ -14,6 +14,7 @@ from kant_sql.acts import statistics
 from kant_sql.documents.exchange import read_task
 from kant_sql.errors import PlanError
 from kant_sql.history import diff
+from kant_sql.history.replication import push
 from kant_sql.knowledge_base import state_of
 from kant_sql.pddl import write
 from kant_sql.planning import problem_hash
@@ -214,3 +215,12 @@ def test_statistics_have_one_name_of_each_object(
     after(statistics, "attrgetter", lambda other: other.erase("room", reason="asked"))
     found = {one.argument: one.unconfirmed for one in kb.statistics(by=["argument"])}
     assert found == {"r1": 2, "erased-1": 2}
+
+
+def test_a_push_counts_only_what_it_sent(
+    kb: KnowledgeBase, after: Callable[..., None], tmp_path: Path
+) -> None:
+    to = f"sqlite:///{tmp_path / 'copy.db'}"
+    after(push._Push, "_retrying", lambda other: other.store.push(to))
+    pushed = kb.store.push(to)
+    assert (pushed.before, pushed.revisions, pushed.versions) == (kb.revision, 0, 0)
