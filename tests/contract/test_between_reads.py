@@ -14,6 +14,7 @@ from kant_sql.acts import statistics
 from kant_sql.documents.exchange import read_task
 from kant_sql.errors import PlanError
 from kant_sql.history import diff
+from kant_sql.history.erasure import retention
 from kant_sql.history.replication import push
 from kant_sql.knowledge_base import state_of
 from kant_sql.pddl import write
@@ -224,3 +225,14 @@ def test_a_push_counts_only_what_it_sent(
     after(push._Push, "_retrying", lambda other: other.store.push(to))
     pushed = kb.store.push(to)
     assert (pushed.before, pushed.revisions, pushed.versions) == (kb.revision, 0, 0)
+
+
+def test_a_text_is_erased_once_by_two_retentions(
+    kb: KnowledgeBase, after: Callable[..., None]
+) -> None:
+    with kb.transaction(reason="a guest"):
+        kb.propositions.save("(lit hall)")
+    rules, revision = retention.read_rules(["* 0s reason"]), kb.revision
+    after(retention, "Wanted", lambda other: other.store.retain(rules))
+    assert (kb.store.retain(rules).revision, kb.revision) == (None, revision + 1)
+    assert kb.store.verify().is_intact
