@@ -190,6 +190,8 @@ class _Merging:
 
         def read(view: View) -> SideChanges:
             assert view.kb_id is not None
+            archived = read_position(view.session, view.kb_id).archived
+            refuse_archived(view.session, view.kb_id, 1, archived)
             own = (2, found.head, found.merged)
             return read_side(view.session, view.kb_id, view.definitions, *own)
 
@@ -199,10 +201,11 @@ class _Merging:
         self._broken: dict[str, set[Key]] = {}
 
     def compare(
-        self, session: Session, kb_id: int, definitions: Definitions, head: int
+        self, session: Session, kb_id: int, definitions: Definitions, head: int, archived: int
     ) -> tuple[Merge, MergeComparison]:
         """Compare the branch with this knowledge base."""
         found = self.branch
+        refuse_archived(session, kb_id, found.origin, archived)
         merges = _merges(session, kb_id, found.origin, head, found.name)
         if merges != found.merges:
             raise StaleRevisionError(
@@ -308,9 +311,9 @@ class _Merging:
 
     def write(self, transaction: Transaction) -> Merge:
         """Write the result; raise `_AgainError` if it breaks a rule, which becomes a conflict."""
-        definitions = transaction.definitions.origin
-        head = transaction.head.revision
-        made, compared = self.compare(transaction.session, transaction.kb_id, definitions, head)
+        definitions, head = transaction.definitions.origin, transaction.head
+        where = transaction.session, transaction.kb_id, definitions
+        made, compared = self.compare(*where, head.revision, head.archived_revision)
         failed: KantSqlError | None = None
         try:
             compared.refuse_pseudonyms()
@@ -373,8 +376,9 @@ def merge_preview(
 
         def read(view: View) -> Merge:
             assert view.kb_id is not None
-            head = read_position(view.session, view.kb_id).head
-            found = merging.compare(view.session, view.kb_id, view.definitions, head)
+            position = read_position(view.session, view.kb_id)
+            where = view.session, view.kb_id, view.definitions
+            found = merging.compare(*where, position.head, position.archived)
             merging.refuse_unknown(*found)
             return found[0]
 

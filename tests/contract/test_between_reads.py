@@ -12,8 +12,8 @@ import pytest
 from kant_sql import KnowledgeBase, Plan
 from kant_sql.acts import statistics
 from kant_sql.documents.exchange import read_task
-from kant_sql.errors import PlanError
-from kant_sql.history import diff
+from kant_sql.errors import ArchivedError, PlanError
+from kant_sql.history import diff, merge
 from kant_sql.history.erasure import retention
 from kant_sql.history.replication import push
 from kant_sql.knowledge_base import state_of
@@ -236,3 +236,17 @@ def test_a_text_is_erased_once_by_two_retentions(
     after(retention, "Wanted", lambda other: other.store.retain(rules))
     assert (kb.store.retain(rules).revision, kb.revision) == (None, revision + 1)
     assert kb.store.verify().is_intact
+
+
+@pytest.mark.parametrize("is_branch", [False, True])
+def test_a_merge_refuses_changes_that_go_to_an_archive(
+    kb: KnowledgeBase, after: Callable[..., None], tmp_path: Path, is_branch: bool
+) -> None:
+    with kb.branch(f"trial {is_branch}") as trial:
+        for each in (kb, trial):
+            each.propositions.delete("(lit room)")
+            each.propositions.save_all(["(seen hall)", "(lit hall)"])
+        moving, to = trial if is_branch else kb, f"sqlite:///{tmp_path / 'archive.db'}"
+        after(merge, "_find", lambda other: moving.store.archive(moving.revision, to=to))
+        with pytest.raises(ArchivedError, match="was moved to an archive"):
+            kb.merge(trial)
