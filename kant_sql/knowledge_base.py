@@ -446,7 +446,7 @@ class KnowledgeBase(Front):
         Returns:
             The changes; the conflicts with who wrote, when and why on both sides; and why the
             result would be refused, if so. For the latter, and for rules that the result would
-            break, it writes and rolls back, so a read-only knowledge base has neither.
+            break, it writes and rolls back; a read-only knowledge base, in a copy in memory.
 
         Raises:
             ConflictError: this is not a branch of this knowledge base.

@@ -16,7 +16,7 @@ from .. import html
 from ..arguments import one_of, shown, storable_text
 from ..dao.text import refuse_unknown_actor
 from ..errors import InvalidArgumentError
-from ..history.confirmations import read_unconfirmed, unconfirmed
+from ..history.confirmations import read_unconfirmed
 from ..history.revisions import at_most
 from ..moment_text import When
 from ..sql import tables as t
@@ -189,11 +189,7 @@ def _unconfirmed(
     state: State, view: View, wanted: Sequence[str], actor: str | None, low: int, high: int
 ) -> Mapping[tuple[Any, ...], int]:
     """Count the unconfirmed facts of each group of acts."""
-    assert view.kb_id is not None
-    is_within = state.at is None and state.store.current() is not None
-    # Facts of a transaction that is open have no revision yet.
-    found = unconfirmed(state) if is_within else read_unconfirmed(state, view.session, view.kb_id)
-    facts = Counter(act for version in found for act in version.acts)
+    facts = Counter(act for version in read_unconfirmed(state, view) for act in version.acts)
     keys = [key for key in map(parse_id, facts) if key is not None]
     counted: Counter[tuple[Any, ...]] = Counter()
     for act in ExecutionReader(state.store, view).listed(keys).values():

@@ -50,7 +50,7 @@ def query(
     valid: c.Valid = None,
     parameters: _Parameters = None,
     fix: c.Fixed = None,
-    limit: Annotated[int | None, c.most("Show only the first N.", 0)] = None,
+    limit: Annotated[int | None, c.most("Show only the first N.")] = None,
     sql: Annotated[
         bool, c.option("Write the SQL statement with its values instead.", "--sql")
     ] = False,

@@ -67,9 +67,9 @@ def seconds(help_: str) -> typer.models.OptionInfo:
     return option(help_, metavar="SECONDS", min=0, callback=check)
 
 
-def most(help_: str, least: int = 1) -> typer.models.OptionInfo:
+def most(help_: str) -> typer.models.OptionInfo:
     """Describe the option that limits the output."""
-    return option(help_, "--limit", "-n", metavar="N", min=least)
+    return option(help_, "--limit", "-n", metavar="N", min=0)
 
 
 def json_lines(noun: str) -> typer.models.OptionInfo:

@@ -292,7 +292,7 @@ def applicable(
     at: c.At = None,
     valid: c.Valid = None,
     fix: c.Fixed = None,
-    limit: Annotated[int | None, c.most("Show only the first N.", 0)] = None,
+    limit: Annotated[int | None, c.most("Show only the first N.")] = None,
     as_json: Annotated[bool, c.json_lines("step")] = False,
 ) -> None:
     """List the steps that you can execute in a state.

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from datetime import timedelta
-from functools import cache, partial
+from collections.abc import Collection, Iterable
+from functools import cache
 from typing import Any
 
 from sqlalchemy import (
@@ -28,6 +27,7 @@ from ..sql.intervals import ANY_PREDICATE, held_by, then
 from ..sql.lanes import revisions_at
 from ..sql.query import Query, constant, first_rows, in_list, integer
 from ..sql.rows import KB, PROPOSITION, THEN, VERSION_COLUMNS, looked_up, table_of
+from ..store.snapshot import View
 from ..store.state import State
 from .moments import find_bounds
 from .revisions import LARGEST, Version, at_most, read_numbered
@@ -118,6 +118,11 @@ def unconfirmed(
     return _find(state, "unconfirmed", older_than, limit)
 
 
+def read_unconfirmed(state: State, view: View) -> list[Version]:
+    """Read all expected facts of a state that is open for other reads."""
+    return _find(state, "unconfirmed", None, None, view=view)
+
+
 def contradicted(
     state: State,
     *,
@@ -149,50 +154,44 @@ def contradicted(
     return _find(state, "contradicted", None, limit, low=bounds.low, high=bounds.high)
 
 
-def stale_facts(state: State, ids: Collection[int], than: float) -> list[Version]:
-    """Find the given facts that nobody has asserted or confirmed for some seconds."""
-    return _find(state, "stale", than, None, ids=ids)
+def stale_facts(state: State, view: View, ids: Collection[int], than: float) -> list[Version]:
+    """Find the facts of a view that nobody has asserted or confirmed for some seconds."""
+    return _find(state, "stale", than, None, view, ids=ids)
 
 
 def _find(
-    state: State, which: str, seconds: float | None, limit: int | None, **given: Any
+    state: State,
+    which: str,
+    seconds: float | None,
+    limit: int | None,
+    view: View | None = None,
+    **given: Any,
 ) -> list[Version]:
     role = "than" if which == "stale" else "older_than"
     age = None if seconds is None else period(seconds, role)
-    read = partial(_read, state, which, age, at_most(limit), given)
-    return html.Listing(state.store.query_known(read, []), "fact")
+    size, at = at_most(limit), LARGEST if state.at is None else state.at
 
+    def work(session: Session, kb_id: int) -> list[Version]:
+        own = {name: value for name, value in given.items() if name != "ids"}
+        if "ids" in given:
+            own["ids"] = session.list_value([*given["ids"]])
+        if which != "contradicted":
+            own["upto"] = at
+            if age is not None:
+                past = read_numbered(session, kb_id, [state.at] if state.at else [])
+                last = next(iter(past.values()), None)
+                now = state.store.clock(session) if last is None else last.committed_at
+                [own["upto"]] = revisions_at(session, kb_id, [now - age])
+            own |= {} if state.at is None else then(session, at)
+        own["at"] = at
+        count = session.first(_COUNT, kb=kb_id) if which != "stale" else None
+        query = _query(which, state.at is not None, count is not None and count[0] <= FEW)
+        rows: list[Row] = session.rows(query, kb=kb_id, size=size, **own)
+        made = make_versions(session, kb_id, rows, at)
+        order = {(row[1], row[2]): place for place, row in enumerate(rows)}
+        return sorted(made, key=lambda one: order[one.text, one.since.number])
 
-def read_unconfirmed(state: State, session: Session, kb_id: int) -> list[Version]:
-    """Read all expected facts in a session, which may have read other parts of the state."""
-    return _read(state, "unconfirmed", None, at_most(None), {}, session, kb_id)
-
-
-def _read(
-    state: State,
-    which: str,
-    age: timedelta | None,
-    size: int,
-    given: Mapping[str, Any],
-    session: Session,
-    kb_id: int,
-) -> list[Version]:
-    at = LARGEST if state.at is None else state.at
-    own = {name: value for name, value in given.items() if name != "ids"}
-    if "ids" in given:
-        own["ids"] = session.list_value([*given["ids"]])
-    if which != "contradicted":
-        own["upto"] = at
-        if age is not None:
-            past = read_numbered(session, kb_id, [state.at] if state.at else [])
-            last = next(iter(past.values()), None)
-            now = state.store.clock(session) if last is None else last.committed_at
-            [own["upto"]] = revisions_at(session, kb_id, [now - age])
-        own |= {} if state.at is None else then(session, at)
-    own["at"] = at
-    count = session.first(_COUNT, kb=kb_id) if which != "stale" else None
-    query = _query(which, state.at is not None, count is not None and count[0] <= FEW)
-    rows: list[Row] = session.rows(query, kb=kb_id, size=size, **own)
-    made = make_versions(session, kb_id, rows, at)
-    order = {(row[1], row[2]): place for place, row in enumerate(rows)}
-    return sorted(made, key=lambda one: order[one.text, one.since.number])
+    # Pending changes of a transaction have no revision yet.
+    if view is None or view.kb_id is None or state.at != state.upto:
+        return html.Listing(state.store.query_known(work, []), "fact")
+    return html.Listing(work(view.session, view.kb_id), "fact")

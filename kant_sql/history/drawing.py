@@ -33,13 +33,13 @@ THIN = 0.35
 ALIKE, MANY = 2.0, 4
 _COLOURS = ("#0072b2", "#b84f00", "#007f5f", "#7a5fd0", "#b5447f", "#86690f")
 _NOBODY, _INK = "#68717a", "currentColor"
-# The name, sign and colour of each status of a step.
+# The sign and colour of each status of a step.
 _OUTCOMES = {
-    "succeeded": ("succeeded", "✓", "#007f5f"),
-    "failed": ("failed", "✗", "#b84f00"),
-    "aborted": ("aborted", "■", "#68717a"),
-    "refused": ("refused", "✗", "#68717a"),
-    "running": ("running", "▶", "#0072b2"),
+    "succeeded": ("✓", "#007f5f"),
+    "failed": ("✗", "#b84f00"),
+    "aborted": ("■", "#68717a"),
+    "refused": ("✗", "#68717a"),
+    "running": ("▶", "#0072b2"),
 }
 _SECTIONS = {"fact": "Facts", "goal": "Goals", "value": "Values"}
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -217,7 +217,7 @@ class _Pen:
         return f"{since} to {until.removeprefix(since[:11])} UTC"
 
     def _axis(self, ticks: Sequence[tuple[datetime, str]]) -> str:
-        parts = [_text(0, 13, self._window(), "600")]
+        parts = [_text(13, self._window(), "600")]
         edges = [self._shown.since, *(moment for moment, _ in ticks), self._shown.until]
         labels = ["", *(said for _, said in ticks)]
         for (begin, end), label in zip(pairwise(edges), labels, strict=True):
@@ -252,7 +252,7 @@ class _Pen:
     # Lines of text.
 
     def _say(self, text: str, address: str = "", weight: str = "400", room: int = LINE) -> None:
-        self._parts.append(_a(address, _text(0, self._y + room - 5, text, weight, bool(address))))
+        self._parts.append(_a(address, _text(self._y + room - 5, text, weight, bool(address))))
         self._y += room
 
     def _heading(self, title: str) -> None:
@@ -381,14 +381,14 @@ class _Pen:
         colour = actors.pop() if len(actors) == 1 else _NOBODY
         times = f"from {_time(run[0].bar.since_at)} to {_time(run[-1].bar.until_at)}"
         about = f"{len(run):,} periods {times}; zoom in to see each"
-        box = _Box(run[0].begin, run[-1].end, self._y, colour)
-        self._parts.append(box.write("", "", self._title(about)))
+        span = run[0].begin, run[-1].end
+        self._parts.append(_box(span, self._y, colour, "", "", self._title(about)))
 
     def _bar(self, span: _Span, row: _Row) -> None:
         bar, is_ended = span.bar, span.bar.until_at is not None
         ended_by = _actor(bar.ended_by) if is_ended else ""
-        box = _Box(span.begin, span.end, self._y, self._marks[bar.actor])
-        made = box.write(span.text, ended_by, self._title(_about(span, row)))
+        colour, title = self._marks[bar.actor], self._title(_about(span, row))
+        made = _box((span.begin, span.end), self._y, colour, span.text, ended_by, title)
         if row.lanes > 1 and span.text:
             made = _a(self._fact(span.lane), made, 'tabindex="-1"')
         self._parts.append(made)
@@ -472,50 +472,38 @@ class _Pen:
         self._y += len(ends) * (BAR + 2) + 5
 
     def _step(self, plan: PlanBar, step: StepBar, span: tuple[float, float], y: int) -> None:
-        name, sign, colour = _OUTCOMES[step.status or "running"]
-        begin, end = span
+        name = step.status or "running"
+        sign, colour = _OUTCOMES[name]
         place = f"step {step.position} of plan {plan.id}"
         if plan.id is None:
             place = f"execution {step.position}"
-        lines = [f"{_said(step.text)} {name}", place]
-        lines += _ends(step)
-        box = _Box(begin, end, y, colour)
-        self._parts.append(box.write(f"{sign} {step.text}", "", self._title("\n".join(lines))))
+        title = self._title("\n".join([f"{_said(step.text)} {name}", place, *_ends(step)]))
+        self._parts.append(_box(span, y, colour, f"{sign} {step.text}", "", title))
 
 
-class _Box(NamedTuple):
-    """A bar: its ends in percent, its distance from the top, and its colour."""
-
-    begin: float
-    end: float
-    y: int
-    colour: str
-
-    def write(self, text: str, at_end: str, title: str) -> str:
-        """Write it, with the texts that fit."""
-        width = max(self.end - self.begin, 0.0)
-        first = _fitting(text, width)
-        last = _fitting(at_end, width, len(first) + 3)
-        place = f'x="{self.begin:.2f}%" y="{self.y}" width="{width:.2f}%" height="{BAR}"'
-        if not first and not last:
-            # The outline keeps the shortest bar visible.
-            return f'<rect {place} fill="{self.colour}" stroke="{self.colour}">{title}</rect>'
-        texts = f'<text x="5" y="12" fill="#fff">{_said(first)}</text>' if first else ""
-        if last:
-            texts += (
-                f'<text x="100%" dx="-8" y="12" text-anchor="end" fill="#fff">{_said(last)}</text>'
-            )
-        rect = f'<rect width="100%" height="{BAR}" fill="{self.colour}"/>'
-        return f"<svg {place}>{rect}{texts}{title}</svg>"
+def _box(span: tuple[float, float], y: int, colour: str, text: str, at_end: str, title: str) -> str:
+    """Write a bar between two ends in percent, with the texts that fit."""
+    width = max(span[1] - span[0], 0.0)
+    first = _fitting(text, width)
+    last = _fitting(at_end, width, len(first) + 3)
+    place = f'x="{span[0]:.2f}%" y="{y}" width="{width:.2f}%" height="{BAR}"'
+    if not first and not last:
+        # The outline keeps the shortest bar visible.
+        return f'<rect {place} fill="{colour}" stroke="{colour}">{title}</rect>'
+    texts = f'<text x="5" y="12" fill="#fff">{_said(first)}</text>' if first else ""
+    if last:
+        texts += f'<text x="100%" dx="-8" y="12" text-anchor="end" fill="#fff">{_said(last)}</text>'
+    rect = f'<rect width="100%" height="{BAR}" fill="{colour}"/>'
+    return f"<svg {place}>{rect}{texts}{title}</svg>"
 
 
 def _svg(height: int, content: str, attributes: str) -> str:
     return f'<svg width="100%" height="{height}" font-size="12" {attributes}>{content}</svg>'
 
 
-def _text(x: int, y: int, text: str, weight: str, is_link: bool = False) -> str:
+def _text(y: int, text: str, weight: str, is_link: bool = False) -> str:
     line = ' text-decoration="underline"' if is_link else ""
-    return f'<text x="{x}" y="{y}" fill="{_INK}" font-weight="{weight}"{line}>{text}</text>'
+    return f'<text x="0" y="{y}" fill="{_INK}" font-weight="{weight}"{line}>{text}</text>'
 
 
 def _a(address: str, content: str, attributes: str = "") -> str:

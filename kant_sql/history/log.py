@@ -284,11 +284,10 @@ def _known(
     store: Store, entries: Iterator[LogEntry], actor: str | None, element: object
 ) -> Iterator[LogEntry]:
     """Yield entries; if there are none, refuse an actor or an element that never existed."""
-    is_empty = True
+    entry = None
     for entry in entries:
-        is_empty = False
         yield entry
-    if is_empty:
+    if entry is None:
         refuse_unknown_element(store, element)
         if actor is not None:
             refuse_unknown_actor(store, actor)

@@ -7,8 +7,8 @@ only the branch has made since; elements that both changed differently are confl
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping, Set
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Set
+from contextlib import closing, suppress
 from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
@@ -32,6 +32,7 @@ from ..errors import (
 from ..knowledge.canonical import read_source
 from ..knowledge.definitions import Definitions
 from ..sql.changes import in_range
+from ..sql.dialects import create_backend
 from ..sql.dialects.base import Session
 from ..sql.query import Query
 from ..sql.rows import KB
@@ -45,7 +46,7 @@ from .merge_sayings import MergeSaying, compare_sayings, say_all
 from .merge_sides import MergeComparison, SideChanges, read_side
 from .merged import NAMED, OURS, THEIRS, Decision, Merge, MergeConflict, MergeSide
 from .moments import refuse_valid
-from .restore import refuse_open
+from .restore import read_origin, refuse_open, write_branch
 from .revisions import LAST_MOMENT, Revision, read_numbered, read_revisions
 
 logger = logging.getLogger("kant_sql.history")
@@ -309,11 +310,15 @@ class _Merging:
                 f"{given!r} is not a conflict of this merge; the conflicts are: {known}"
             )
 
-    def write(self, transaction: Transaction) -> Merge:
-        """Write the result; raise `_AgainError` if it breaks a rule, which becomes a conflict."""
+    def write(self, transaction: Transaction) -> _Tried:
+        """Compare under the lock of the head, and write the result."""
         definitions, head = transaction.definitions.origin, transaction.head
         where = transaction.session, transaction.kb_id, definitions
-        made, compared = self.compare(*where, head.revision, head.archived_revision)
+        found = self.compare(*where, head.revision, head.archived_revision)
+        return self.apply(transaction, *found)
+
+    def apply(self, transaction: Transaction, made: Merge, compared: MergeComparison) -> _Tried:
+        """Write a result; raise `_AgainError` if it breaks a rule, which becomes a conflict."""
         failed: KantSqlError | None = None
         try:
             compared.refuse_pseudonyms()
@@ -328,9 +333,7 @@ class _Merging:
             failed = error
         self.refuse_unknown(made, compared)
         # With undecided conflicts as `ours`, more may be refused than after the decisions.
-        if failed is not None and not made.undecided:
-            raise failed
-        return made
+        return _Tried(made, None if made.undecided else failed)
 
     def refuse_undecided(self, made: Merge) -> None:
         """Refuse a merge with undecided conflicts."""
@@ -341,6 +344,13 @@ class _Merging:
                 "written: decide each as 'ours' or 'theirs', or change one of the two",
                 made.conflicts,
             )
+
+
+class _Tried(NamedTuple):
+    """A merge whose result was written, and why it is refused."""
+
+    made: Merge
+    failed: KantSqlError | None
 
 
 class _AgainError(Exception):
@@ -356,34 +366,43 @@ def merge_preview(
 ) -> Merge:
     """Compare a branch with a knowledge base, like `KnowledgeBase.merge_preview`."""
     merging = _Merging(state, branch, decide)
-    store, refused, made = state.store, None, None
-    while made is None:
-        try:
-            with suppress(_PreviewedError), store.transaction() as transaction:
-                made = merging.write(transaction)
-                raise _PreviewedError
-        except _AgainError:
-            continue
-        except (ReadOnlyError, ReplicaError, StaleRevisionError):
-            # Nothing can be written here, so do not try.
-            break
-        except InvalidArgumentError:
-            raise
-        except KantSqlError as error:
-            refused = str(error)
-            break
-    if made is None:
+    try:
+        made, failed = _try(state.store, merging.write)
+    except (ReadOnlyError, ReplicaError):
+        made, failed = _try_on_copy(merging, state.store)
+    return made if failed is None else replace(made, refused=str(failed))
 
-        def read(view: View) -> Merge:
-            assert view.kb_id is not None
-            position = read_position(view.session, view.kb_id)
-            where = view.session, view.kb_id, view.definitions
-            found = merging.compare(*where, position.head, position.archived)
-            merging.refuse_unknown(*found)
-            return found[0]
 
-        made = store.read_in_snapshot(read)
-    return replace(made, refused=refused)
+def _try(store: Store, write: Callable[[Transaction], _Tried]) -> _Tried:
+    """Write a result and roll it back, again for each rule that becomes a conflict."""
+    tried: _Tried | None = None
+    while tried is None:
+        with suppress(_AgainError, _PreviewedError), store.transaction() as transaction:
+            tried = write(transaction)
+            raise _PreviewedError
+    return tried
+
+
+def _try_on_copy(merging: _Merging, store: Store) -> _Tried:
+    """Write the result to a copy of the state in memory, for a store that cannot be written."""
+
+    def compare(view: View) -> tuple[Merge, MergeComparison]:
+        session, kb_id = view.session, view.kb_id
+        assert kb_id is not None
+        position = read_position(session, kb_id)
+        head = position.head if view.at is None else view.at
+        return merging.compare(session, kb_id, view.definitions, head, position.archived)
+
+    made, compared = store.read_in_snapshot(compare)
+    if not compared.may_be_refused:
+        merging.refuse_unknown(made, compared)
+        return _Tried(made, None)
+    with closing(Store(create_backend("sqlite://"), store.name, store.actor)) as copy:
+        write_branch(copy, read_origin(store, made.head))
+        return _try(
+            copy,
+            lambda own: merging.apply(own, *store.read_in_snapshot(compare, made.head)),
+        )
 
 
 def merge(
@@ -403,8 +422,10 @@ def merge(
     made: Merge | None = None
     while made is None:
         with suppress(_AgainError), write() as transaction:
-            made = merging.write(transaction)
+            made, failed = merging.write(transaction)
             merging.refuse_undecided(made)
+            if failed is not None:
+                raise failed
     number = transaction.made
     logger.info(
         "knowledge base %r: branch %r merged, by revision %s", store.name, found.name, number

@@ -10,13 +10,16 @@ from typing import NamedTuple
 from ..documents.carry import STATED, Key, is_same, key_of, mentions_of, name_in
 from ..dto.lexical import fold
 from ..errors import ConflictError, InvalidArgumentError, RuleViolatedError
-from ..knowledge.definitions import DECLARED, KINDS, Definitions
+from ..knowledge.definitions import DECLARED, KINDS, REFUSE, Definitions
 from ..pddl.lexer import tokenize
 from ..sql.changes import ASSERTED, ERASURE, RETRACTED, SAYING, Change, stream_changes
 from ..sql.dialects.base import Session
+from ..sql.rows import FACT, GOAL, VALUE
 from .merge_sayings import MergeSaying, read_sayings
 from .merged import OURS, THEIRS, Decision, MergeSide
 from .revisions import Revision
+
+ATOMS = {FACT, GOAL, VALUE}
 
 
 @dataclass(eq=False, slots=True)
@@ -239,9 +242,21 @@ class MergeComparison:
                     yield Change(sign, key[0], text)
         yield from (Change(ASSERTED, SAYING, said.text) for said in self.said)
 
+    @property
+    def may_be_refused(self) -> bool:
+        """Whether a store with these definitions may refuse the result."""
+        rules = self._sides[OURS].definitions.elements("rule")
+        is_ruled = any(rule.on_violation == REFUSE for rule in rules)
+        return is_ruled or bool(self._shared) or any(kind not in ATOMS for kind, _ in self.brought)
+
+    @property
+    def _shared(self) -> set[str]:
+        """The pseudonyms that both sides assigned."""
+        return set.intersection(*(side.pseudonyms for side in self._sides.values()))
+
     def refuse_pseudonyms(self) -> None:
         """Refuse changes with a pseudonym that both sides assigned: it may mean two objects."""
-        both = set.intersection(*(side.pseudonyms for side in self._sides.values()))
+        both = self._shared
         for change in self.changes() if both else ():
             if both & {*tokenize(change.text)}:
                 remedy = "decide 'ours'" if change.kind == SAYING else "delete it in the branch"

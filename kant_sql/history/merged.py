@@ -81,8 +81,7 @@ class Merge:
         changes: the changes here; undecided conflicts count as `ours`.
         conflicts: the conflicts, decided or not.
         refused: why the result would be refused with these decisions, for example by a kept rule.
-            None also means unknown: if the knowledge base is open read-only, or a conflict is
-            undecided.
+            None also if a conflict is undecided.
         revision: the revision that was written; None for a preview, or if nothing is new.
     """
 

@@ -40,8 +40,11 @@ _WITH_TIMES = Query(
 )
 
 
-def _read_head(store: Store, moments: Sequence[datetime]) -> tuple[HeadPosition, list[int]]:
+def _read_head(
+    store: Store, moments: Sequence[datetime], *, begins: bool = False
+) -> tuple[HeadPosition, list[int]]:
     """Read the head, and the last revision up to each of some times, with one statement."""
+    # If the first one `begins` a range, the last revision before it.
     for moment in moments:
         check_zone(moment)
 
@@ -50,7 +53,8 @@ def _read_head(store: Store, moments: Sequence[datetime]) -> tuple[HeadPosition,
             for moment in moments:
                 _refuse_future(moment, store.clock(session), FIRST_MOMENT)
             return read_position(session, kb_id), [0 for _ in moments]
-        given = zip_longest(_MOMENTS, [session.from_time(clamped(each)) for each in moments])
+        times = [just_before(moments[0]), *moments[1:]] if begins else moments
+        given = zip_longest(_MOMENTS, [session.from_time(clamped(each)) for each in times])
         row = session.first(_WITH_TIMES, kb=kb_id, **dict(given))
         if row is None:
             raise vanished(session)
@@ -205,20 +209,15 @@ def find_bounds(state: State, since: When | None, until: When | None) -> Bounds:
     refuse_valid(state, "this")
     store = state.store
     since, until = read_when(since), None if is_now(until) else read_when(until)
-    after = None
-    if isinstance(since, datetime):
-        check_zone(since)
-        # Nothing was committed between this time and the one before.
-        after = just_before(since)
-    moments = [moment for moment in (after, until) if isinstance(moment, datetime)]
+    moments = [moment for moment in (since, until) if isinstance(moment, datetime)]
     head, found = HeadPosition(redefined=LARGEST), list[int]()
     if state.at is None or moments:
-        head, found = _read_head(store, moments)
+        head, found = _read_head(store, moments, begins=isinstance(since, datetime))
     last = _last_known(state, head)
     low, high = 1, last
-    if after is not None:
+    if isinstance(since, datetime):
         low = min(found[0], last) + 1
-    elif since is not None and not isinstance(since, datetime):
+    elif since is not None:
         low = max(1, check_number(store.name, since, last))
     if isinstance(until, datetime):
         high = min(found[len(moments) - 1], last)

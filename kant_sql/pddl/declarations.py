@@ -11,6 +11,7 @@ from ..dto.lexical import ROOT_TYPE, either_text, fold, function_kind, is_name, 
 from .cursor import VARIABLES, Cursor, Diagnostics, Group, Section, hint
 from .document import DURATIVE_ACTION, PROCESS, Action, Function, Predicate
 from .formulas import DURATION_VARIABLE, EFFECT, PREFERENCES, TIMED, FormulaReader, flatten
+from .requirements import KNOWN
 from .symbols import Fit, SymbolTable, Types
 
 NUMBER_TYPE = "number"
@@ -34,6 +35,9 @@ class DeclarationReader(Cursor):
                 word = f":{word}"
             if not is_requirement(word):
                 self.fail("a requirement such as :typing", at=self.at - 1)
+            near = "" if fold(word) in KNOWN else self.diagnostics.hint(word, lambda: [*KNOWN])
+            if near:
+                self.deviate("a known requirement", f"kept{near}", f"'{word}'", self.at - 1)
             if fold(word) in found:
                 self.deviate("each requirement once", "left out", at=self.at - 1)
             found.setdefault(fold(word), word)

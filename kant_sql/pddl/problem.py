@@ -146,6 +146,8 @@ class InitialStateReader(FormulaReader):
         self._value_tokens: list[int] = []
         self._value_sections: list[tuple[int, Section]] = []
         self._timed: dict[str, f.TimedLiteral] = {}
+        # The last one of each time and of what it changes.
+        self._changes: dict[tuple[Decimal, f.Node], f.TimedLiteral] = {}
         self._predicates = FactSignatures(symbols, symbols.predicates)
         self._functions = FactSignatures(symbols, symbols.functions)
 
@@ -391,8 +393,22 @@ class InitialStateReader(FormulaReader):
         text = str(timed)
         if text in self._timed:
             self.deviate("each timed literal once", "left out", f"{text} again", start)
+        else:
+            self._compare(timed, start)
         # By its text, as in a store: 5 and 5.0 are two spellings.
         self._timed[text] = timed
+
+    def _compare(self, timed: f.TimedLiteral, start: int) -> None:
+        """Warn if another one changes the same thing at the same time."""
+        match timed.effect:
+            case f.Assign(fluent=changed):
+                read_as = "the last one holds"
+            case f.Not(formula=changed) | changed:
+                read_as = f"{changed} holds then"
+        other = self._changes.setdefault((timed.time.value, changed), timed)
+        if other.effect != timed.effect:
+            self.deviate("one of the two", read_as, f"{timed} beside {other}", start)
+            self._changes[timed.time.value, changed] = timed
 
     def _timed_effect(self) -> f.Atom | f.Not | f.Assign:
         head = self.tokens[self.at + 1].lower()

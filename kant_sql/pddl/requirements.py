@@ -158,6 +158,17 @@ REQUIREMENTS = (
     ":action-costs",
     ":time",
 )
+# With these abbreviations, and requirements of PDDL 1.2 and of extensions, to find misspelt ones.
+KNOWN = (
+    *REQUIREMENTS,
+    *(":adl", ":fluents", ":quantified-preconditions", ":goal-utilities", ":negation", ":mdp"),
+    *(":expression-evaluation", ":domain-axioms", ":subgoals-through-axioms", ":open-world"),
+    *(":safety-constraints", ":true-negation", ":ucpop", ":action-expansions", ":axioms"),
+    *(":foreach-expansions", ":dag-expansions", ":timed-initial-fluents", ":non-deterministic"),
+    *(":probabilistic-effects", ":rewards", ":partial-observability", ":hierarchy", ":htn"),
+    *(":method-preconditions", ":method-constraints", ":multi-agent", ":factored-privacy"),
+    *(":unfactored-privacy", ":processes", ":events", ":supply-demand"),
+)
 
 
 def used_requirements(

@@ -41,7 +41,7 @@ _GIVEN_METRIC = re.compile(r"^  \(:metric (.*)\)$", re.MULTILINE)
 
 
 _KEPT = Query(
-    select(t.PlanRow.domain_pddl, t.PlanRow.problem_pddl).where(
+    select(t.PlanRow.problem_hash, t.PlanRow.domain_pddl, t.PlanRow.problem_pddl).where(
         t.PlanRow.kb_id == KB, t.PlanRow.id == bindparam("plan")
     )
 )
@@ -70,28 +70,29 @@ def _complete(kept: Kept, written: Given) -> Given:
     return Given(*(text if own is None else own for own, text in zip(kept, written, strict=True)))
 
 
-def _read_kept(view: View, name: str, plan_id: int) -> Kept:
+def _read_kept(view: View, name: str, plan_id: int) -> tuple[str, Kept]:
     row = view.session.first(_KEPT, kb=view.kb_id, plan=plan_id)
     if row is None:
         raise PlanError(
             f"knowledge base {name!r} has no plan {plan_id}: the transaction that recorded it was "
             "not committed"
         )
-    domain, problem = row
-    return domain, problem
+    digest, domain, problem = row
+    return digest, (domain, problem)
 
 
 def read_given(store: Store, plan: RecordedPlan) -> Given:
     """Read the texts that a planner was given, and compare them with the plan's hash."""
-    kept = store.read_in_snapshot(lambda view: _read_kept(view, store.name, plan.id))
+    # An erasure since the plan was read has changed its hash.
+    digest, kept = store.read_in_snapshot(lambda view: _read_kept(view, store.name, plan.id))
     if None in kept:
         given = _complete(kept, _write_given(store, state_at(State(store), plan.revision)))
     else:
         given = Given(*kept)  # type: ignore[arg-type]
-    if problem_hash(given.domain, problem=given.problem) != plan.problem_hash:
+    if problem_hash(given.domain, problem=given.problem) != digest:
         raise PlanError(
             f"plan {plan.id}: the stored problem, at revision {plan.revision}, differs from what "
-            f"the planner was given: its SHA-256 is not {plan.problem_hash}; this version of the "
+            f"the planner was given: its SHA-256 is not {digest}; this version of the "
             "library writes PDDL in another way, or the tables were changed: run verify()"
         )
     return given

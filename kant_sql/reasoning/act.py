@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -55,9 +55,9 @@ def applicable_actions(
 ) -> Iterator[PlanStep]:
     """Find the steps that can be executed in this state.
 
-    Each action takes one statement, when its first step is needed. Durative steps are those that
-    `start` can start: see `why_not`. It omits steps whose duration you must choose, and actions
-    with nonlinear continuous change. Preferences do not count.
+    All are read at once, each action with one statement until `limit` is reached. Durative steps
+    are those that `start` can start: see `why_not`. It omits steps whose duration you must choose,
+    and actions with nonlinear continuous change. Preferences do not count.
 
     Args:
         name: an action's name; by default all actions in their order.
@@ -92,16 +92,17 @@ class _Search(NamedTuple):
     fixed: Mapping[str, Binding]
 
     def begin(self, state: State, limit: int | None) -> Iterator[PlanStep]:
-        """Check it, and return an iterator that finds the steps."""
-        store, at = state
+        """Check it, and return the steps."""
         if limit is not None:
             limit = count_limit(limit)
         if self.name is not None:
             expect(self.name, str, "the name of an action", InvalidArgumentError)
-        return self._steps(store, at, store.read_definitions(self._actions, at), limit)
+        return iter(state.store.read_in_snapshot(partial(self._steps, limit=limit), state.at))
 
-    def _actions(self, definitions: Definitions) -> list[str]:
-        """Find the actions that have all fixed parameters."""
+    def _actions(
+        self, definitions: Definitions
+    ) -> list[tuple[PreparedAction, dict[int, ObjectDefinition]]]:
+        """Find the actions that have all fixed parameters, with their objects by position."""
         name, found = self.name, []
         actions = executable(definitions) if name is None else [find_action(definitions, name)]
         for action in (prepared(definitions, each) for each in actions):
@@ -110,7 +111,7 @@ class _Search(NamedTuple):
                 continue
             for position, object_ in fixed.items() if name is not None else ():
                 check_fit(definitions, object_, action.columns[position])
-            found.append(action.name)
+            found.append((action, fixed))
         if self.fixed and not found:
             raise InvalidArgumentError(
                 f"no action has parameters named {', '.join(f'?{each}' for each in self.fixed)}"
@@ -134,50 +135,46 @@ class _Search(NamedTuple):
                 )
         return found
 
-    def _steps(
-        self, store: Store, at: int | None, names: Sequence[str], limit: int | None
-    ) -> Iterator[PlanStep]:
-        left = limit
-        for name in names:
-            if left == 0:
-                return
-            for step in store.read(partial(self._instances, name=name, most=left), at):
-                yield step
-                left = None if left is None else left - 1
-
-    def _instances(self, view: View, name: str, most: int | None) -> list[PlanStep]:
-        """Return the executable instances of an action."""
-        definitions, definition = view.definitions, view.definitions.actions.named(name)
-        if definition is None:
-            return []
-        action = prepared(definitions, definition)
-        promise, fixed = promise_of(action), self._objects(definitions, action)
-        if fixed is None or promise.listed == FALSE or not is_executable(action):
-            return []
-        ids = {position: object_.id for position, object_ in fixed.items()}
-        for position, id_ in ids.items():
-            if not all(fits(definitions, id_, one) for one in action.parameters[position].types):
-                return []
-        order = [n for n in range(len(action.parameters)) if n not in ids]
-        free = [action.columns[n] for n in order]
-        is_limited = most is not None and promise.is_whole
-        key = ("instances", *sorted(ids), is_limited, *statement_key(view, ()))
-        slots = {action.parameters[n].slot: f":b{n}" for n in ids}
-        statement = action.kept(
-            key, lambda: question(view).answers(promise.listed, free, slots, is_limited)
-        )
-        given = {f"b{n}": id_ for n, id_ in ids.items()} | ({} if most is None else {"most": most})
-        live = definitions.objects.live
-        found = []
-        for row in asked(view, statement, given, OF_ANSWERS)[1:]:
-            ids |= zip(order, row[1:], strict=False)
-            arguments = [live(ids[n]).name for n in range(len(ids))]
-            step = PlanStep(None, action.name, tuple(arguments))
-            if promise.is_whole or not judge(view, ground(definitions, step))[1]:
-                found.append(step)
-            if len(found) == most:
+    def _steps(self, view: View, limit: int | None) -> list[PlanStep]:
+        found: list[PlanStep] = []
+        for action, fixed in self._actions(view.definitions):
+            if len(found) == limit:
                 break
+            ids = {position: object_.id for position, object_ in fixed.items()}
+            found += _instances(view, action, ids, None if limit is None else limit - len(found))
         return found
+
+
+def _instances(
+    view: View, action: PreparedAction, ids: dict[int, int], most: int | None
+) -> list[PlanStep]:
+    """Return the executable instances of an action, given the ids of some of its objects."""
+    definitions, promise = view.definitions, promise_of(action)
+    if promise.listed == FALSE or not is_executable(action):
+        return []
+    for position, id_ in ids.items():
+        if not all(fits(definitions, id_, one) for one in action.parameters[position].types):
+            return []
+    order = [n for n in range(len(action.parameters)) if n not in ids]
+    free = [action.columns[n] for n in order]
+    is_limited = most is not None and promise.is_whole
+    key = ("instances", *sorted(ids), is_limited, *statement_key(view, ()))
+    slots = {action.parameters[n].slot: f":b{n}" for n in ids}
+    statement = action.kept(
+        key, lambda: question(view).answers(promise.listed, free, slots, is_limited)
+    )
+    given = {f"b{n}": id_ for n, id_ in ids.items()} | ({} if most is None else {"most": most})
+    live = definitions.objects.live
+    found = []
+    for row in asked(view, statement, given, OF_ANSWERS)[1:]:
+        ids |= zip(order, row[1:], strict=False)
+        arguments = [live(ids[n]).name for n in range(len(ids))]
+        step = PlanStep(None, action.name, tuple(arguments))
+        if promise.is_whole or not judge(view, ground(definitions, step))[1]:
+            found.append(step)
+        if len(found) == most:
+            break
+    return found
 
 
 def why_not(state: State, step: Step) -> list[FailedCondition]:

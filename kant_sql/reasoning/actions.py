@@ -30,7 +30,15 @@ from ..pddl.cursor import hint
 from ..pddl.document import Action
 from .arithmetic import ADDITIVE, CHANGES, EXACT, LINEARS, Exact, Linear, decimal_of
 from .evaluate import Compiler, Env, Rows, Search
-from .failures import FailedCondition, duration_failure, failed_parts
+from .failures import (
+    BY_ZERO,
+    NO_OBJECT,
+    NO_VALUE,
+    UNDEFINED,
+    FailedCondition,
+    duration_failure,
+    failed_parts,
+)
 from .steps import CONTINUOUS, EffectItem, PreparedAction
 from .world import FluentRow, Row, World
 
@@ -82,9 +90,7 @@ class _CompiledEffect:
         if self._lacking is not None:
             for _ in self._lacking(env):
                 if remembered is None or self._around(env) in remembered:
-                    is_fact = self._item.value is None
-                    reason = "an argument has no value" if is_fact else "its value is undefined"
-                    changes.undefined.append(FailedCondition(str(self._item.node), reason))
+                    changes.undefined.append(FailedCondition(str(self._item.node), NO_OBJECT))
         seen: set[Row] = set()
         for _ in self._search(env):
             # Alternatives of a disjunction may find the same objects.
@@ -103,19 +109,22 @@ class _CompiledEffect:
             self._update(row, self._value(env), changes)
 
     def _update(self, row: Row, value: Exact | int | None, changes: Changes) -> None:
-        item, reason = self._item, ""
+        item, failed = self._item, None
         if value is None:
-            reason = "its value is undefined"
+            failed = f"({item.operator} {self._fluent(row)} ...)", UNDEFINED
         elif item.operator != "assign" and row not in self._world.table(item.head):
-            text = self._world.text((False, item.head), row)
+            text = self._fluent(row)
             # As in `combined`.
-            reason = "" if fold(text) == f"({f.TOTAL_COST})" else f"{text} has no value"
+            failed = None if fold(text) == f"({f.TOTAL_COST})" else (text, NO_VALUE)
         elif item.operator == "scale-down" and not value:
-            reason = "it divides by 0"
-        if value is None or reason:
-            changes.undefined.append(FailedCondition(str(item.node), reason))
-        else:
+            failed = self._fluent(row), BY_ZERO
+        if failed is not None:
+            changes.undefined.append(FailedCondition(*failed))
+        elif value is not None:
             changes.updates.setdefault((item.head, row), []).append(Update(item.operator, value))
+
+    def _fluent(self, row: Row) -> str:
+        return self._world.text((False, self._item.head), row)
 
 
 def _compiler(world: World, action: PreparedAction) -> Compiler:
@@ -291,10 +300,6 @@ class Snap:
     def binding(self) -> Binding:
         """The names of the objects of the action's parameters."""
         return bound(self.schema.action.variables, self.world.names(self.arguments))
-
-    def unmet(self) -> list[FailedCondition]:
-        """Return the conditions, and the constraints on the duration, that do not hold."""
-        return self.phase.unmet(self)
 
     def prepare(self) -> list[FailedCondition]:
         """Compute the changes in the present state; return the reasons if this is impossible."""

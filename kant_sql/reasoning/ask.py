@@ -43,10 +43,9 @@ Answer = tuple[str, ...]
 class Prepared:
     """A resolved condition, with its statements for the present and the past."""
 
-    def __init__(self, condition: r.ResolvedCondition, definitions: Definitions) -> None:
+    def __init__(self, condition: r.ResolvedCondition) -> None:
         self.condition = condition
         self.columns = tuple([column.name for column in condition.columns])
-        self.definitions = definitions
         self.places = {
             column.bound.slot: f":b{number}" for number, column in enumerate(condition.given)
         }
@@ -157,7 +156,7 @@ def prepare(
         resolved = r.resolve(definitions, read, given.keys())
         for column in (*resolved.columns, *resolved.given):
             _check_possible(definitions, column)
-        found = Prepared(resolved, definitions)
+        found = Prepared(resolved)
         if len(kept) >= KEPT:
             kept.clear()
         kept[key] = found
@@ -306,9 +305,7 @@ def _ground(definitions: Definitions, condition: object) -> tuple[Prepared | Non
             return None, {}
         slots = tuple(map(r.Slot, range(len(atom.terms))))
         part = r.HoldsFact(predicate.id, slots)
-        found = Prepared(
-            r.ResolvedCondition(r.negate(part) if is_negative else part, ()), definitions
-        )
+        found = Prepared(r.ResolvedCondition(r.negate(part) if is_negative else part, ()))
         found.places = {slot: f":b{slot.number}" for slot in slots}
         kept[key] = found
     named = definitions.objects.named
@@ -424,22 +421,16 @@ class Asking:
         limit: int | None,
         bindings: Mapping[str, Binding],
     ) -> None:
-        self.asked = condition, parameters, bindings
+        self.asked = text_of(condition), parameters, bindings
         self.limit = limit
-        self._last: tuple[Prepared, dict[str, Any]] | None = None
 
     def prepared(self, definitions: Definitions) -> tuple[Prepared, dict[str, Any]]:
         """Prepare it with definitions, or refuse it; also return the values of its parameters."""
-        last = self._last
-        # The definitions of a transaction are one object, whose content changes.
-        is_other = last is None or last[0].definitions is not definitions
-        if last is None or is_other or type(definitions) is not Definitions:
-            prepared = prepare(definitions, *self.asked)
-            given: dict[str, Any] = {**prepared.values(definitions, self.asked[2])}
-            if self.limit is not None:
-                given["most"] = self.limit
-            last = self._last = prepared, given
-        return last
+        prepared = prepare(definitions, *self.asked)
+        given: dict[str, Any] = {**prepared.values(definitions, self.asked[2])}
+        if self.limit is not None:
+            given["most"] = self.limit
+        return prepared, given
 
     def read(self, view: View) -> list[Answer]:
         """Read the answers in a state."""

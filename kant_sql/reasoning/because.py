@@ -320,6 +320,11 @@ class _Target(NamedTuple):
     until: int | None
     text: str
 
+    def last(self, at: int) -> _Dated:
+        """Return it in its last state up to a revision."""
+        last = at if self.until is None else min(self.until - 1, at)
+        return _Dated(self.literal, self.since, last, self.text)
+
 
 class _Sought(NamedTuple):
     """The versions of an element, the newest first, and its text; the first revision, if cut."""
@@ -470,10 +475,7 @@ class _Tracer:
 
     def _add_derived(self, targets: list[_Target], used: _Texts) -> None:
         """Add the derived facts that used some literals, which come last."""
-        jobs = [
-            _Dated(one.literal, one.since, min(one.until or LARGEST, self.at + 1) - 1, one.text)
-            for one in targets
-        ]
+        jobs = [one.last(self.at) for one in targets]
         is_one = len({one.literal for one in targets}) == 1
         for text, own in self._evaluation.derived(jobs):
             used[text][own] = None
@@ -540,9 +542,7 @@ class _Tracer:
         """Find what made the last version of an element true, then what that used, and so on."""
         if not sought.targets:
             return
-        target = sought.targets[0]
-        at = self.at if target.until is None else min(target.until - 1, self.at)
-        level = [_Dated(target.literal, target.since, at, target.text)]
+        level = [sought.targets[0].last(self.at)]
         seen = {one[:2] for one in level}
         for number in range(1, depth + 1):
             if not level or self.is_full:

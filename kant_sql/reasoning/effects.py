@@ -26,7 +26,7 @@ from .after import ground_item
 from .arithmetic import ADDITIVE, CHANGES, EXACT, SCALING, Exact, decimal_of
 from .ask import given_numbers, question, statement_key
 from .explain import decimals, exact, read_numbers
-from .failures import FailedCondition
+from .failures import BY_ZERO, NO_OBJECT, NO_VALUE, UNDEFINED, FailedCondition
 from .steps import EffectItem, GroundStep
 
 # The objects for which the earlier condition of each effect held.
@@ -82,11 +82,7 @@ class EffectReader:
     def _check_values(self, item: EffectItem) -> None:
         """Refuse an effect whose terms or value contain an object fluent without a value."""
         if self._run(item, "lacking"):
-            declared = self.view.definitions.predicates, self.view.definitions.functions
-            head = declared[item.operator not in ("add", "delete")].live(item.head)
-            reason = "an object fluent in it has no value"
-            failed = FailedCondition(f"({item.operator} ({head.name} ...) ...)", reason)
-            raise not_applicable(self.step, [failed])
+            raise not_applicable(self.step, [FailedCondition(str(item.node), NO_OBJECT)])
 
     def _rows(
         self, item: EffectItem
@@ -203,10 +199,7 @@ class EffectReader:
         assert item.value is not None
         number = exact(item.value, values, self.numbers)
         if number is None:
-            failed = FailedCondition(
-                f"({item.operator} {text} ...)",
-                "its value is undefined: a fluent in it has no value, or it divides by 0",
-            )
+            failed = FailedCondition(f"({item.operator} {text} ...)", UNDEFINED)
             raise not_applicable(self.step, [failed])
         return number
 
@@ -261,11 +254,11 @@ def combined(
         return FailedCondition(text, "the step both adds to it and scales it")
     # The cost of a plan begins at 0, as in VAL, even if the problem does not set it.
     if before is None and fold(text) != f"({TOTAL_COST})":
-        return FailedCondition(text, "has no value that could be changed")
+        return FailedCondition(text, NO_VALUE)
     number: Exact | None = Decimal(0) if before is None else before
     for operator, by in made:
         if operator == "scale-down" and not by:
-            return FailedCondition(text, "the step divides it by 0")
+            return FailedCondition(text, BY_ZERO)
         assert number is not None
         assert not isinstance(by, int)
         number = EXACT.apply(CHANGES[operator], number, by)

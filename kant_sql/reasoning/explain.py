@@ -23,6 +23,7 @@ from ..knowledge.reads import Head
 from ..knowledge.rules import rules_of
 from ..knowledge.symbols import symbols_of
 from ..pddl.given import read_condition, text_of
+from ..pddl.requirements import is_function
 from ..sql.answers import GUARDS
 from ..store.snapshot import View
 from ..store.state import State
@@ -335,7 +336,8 @@ def hard_goals(view: View) -> list[f.Formula]:
 def metric_value(state: State) -> Decimal | None:
     """Evaluate the metric in this state, exactly.
 
-    `is-violated` counts the violated instances of a preference among the goals (PDDL 3.0).
+    `is-violated` counts the violated instances of a preference among the goals (PDDL 3.0). A
+    `total-cost` without a value is 0.
 
     Returns:
         Its value; None without a metric.
@@ -365,7 +367,7 @@ def metric_value(state: State) -> Decimal | None:
                     "the metric is about total-time, which belongs to a plan and not to a state; "
                     "kb.validate(plan) returns its value"
                 )
-        value = number_of(view, metric.expression, numbers)
+        value = _with_costs(view, metric.expression, numbers)
         if value is None:
             raise InvalidKnowledgeError(
                 f"the metric {metric.expression} has no value: one of its fluents has none, or it "
@@ -374,6 +376,17 @@ def metric_value(state: State) -> Decimal | None:
         return value
 
     return state.store.read_in_snapshot(work, state.at)
+
+
+def _with_costs(view: View, node: f.Expression, numbers: Mapping[str, Decimal]) -> Decimal | None:
+    """Evaluate a metric; without a value, `total-cost` is 0, as at the end of a plan."""
+    found = exact_number(view, node, numbers)
+    cost = next((one for one in f.walk(node) if is_function(one, f.TOTAL_COST)), None)
+    if found is None and isinstance(cost, f.Fluent) and exact_number(view, cost, {}) is None:
+        leaf, _ = r.Resolver(view.definitions).number(cost)
+        assert isinstance(leaf, r.NumberOf)
+        found = exact_number(view, node, numbers, {leaf: Decimal(0)})
+    return None if found is None else decimal_of(found)
 
 
 def _violations(view: View, name: str) -> int:

@@ -23,6 +23,11 @@ from .world import World
 FAILED = "failed condition"
 # The maximum number of named parts of one universal quantifier.
 MAX_INSTANCES = 20
+# Why an effect has no result.
+NO_OBJECT = "an object fluent in it has no value"
+UNDEFINED = "its value is undefined: a fluent in it has no value, or it divides by 0"
+NO_VALUE = "has no value that could be changed"
+BY_ZERO = "the step divides it by 0"
 # The number of parts to judge together.
 TOGETHER = 200
 # How far a duration may deviate from its constraints, as in VAL.

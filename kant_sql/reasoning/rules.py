@@ -429,30 +429,22 @@ class Judge:
         found, self._decided = self._decided, []
         return found
 
-    def so_far(self) -> list[Decided]:
-        """Return the verdicts so far, in the order of the rules."""
-        found = []
-        for _, rule in sorted(self._known.values()):
+    def so_far(self) -> list[Decided | Verdict]:
+        """Return the verdicts so far, also on unjudged rules, in the order of the rules."""
+        found: list[tuple[int, Decided | Verdict]] = []
+        for (number, _), rule in sorted(self._known.values()):
             at, word = rule.violation, _verdict(rule)
             end = () if at is None else (self._judged[at.index], at.time)
-            found.append(Decided(rule, word, *end))
-        return found
-
-    def cited(self, found: Sequence[Decided]) -> set[int]:
-        """Return the revisions to read for verdicts."""
-        return {self._first, *(one.revision or 0 for one in found)} - {0} if found else set()
-
-    def standing(
-        self, so_far: Sequence[Decided], revisions: Mapping[int, Revision]
-    ) -> list[Verdict]:
-        """Make the verdicts so far, also on unjudged rules, in the order of the rules."""
-        numbers = [number for (number, _), _ in sorted(self._known.values())]
-        made = [self.verdict(one, revisions) for one in so_far]
-        found = [*zip(numbers, made, strict=True)]
+            found.append((number, Decided(rule, word, *end)))
         for number, constraint in enumerate(self.constraints):
             if number not in self._meant:
-                found += [(number, verdict) for verdict in _not_judged([constraint], self.name)]
-        return [verdict for _, verdict in sorted(found, key=itemgetter(0))]
+                found += [(number, one) for one in _not_judged([constraint], self.name)]
+        return [one for _, one in sorted(found, key=itemgetter(0))]
+
+    def cited(self, found: Sequence[Decided | Verdict]) -> set[int]:
+        """Return the revisions to read for verdicts."""
+        numbers = {one.revision or 0 for one in found if isinstance(one, Decided)}
+        return {self._first, *numbers} - {0} if numbers else set()
 
     def verdict(self, one: Decided, revisions: Mapping[int, Revision]) -> Verdict:
         """Make a verdict with the revisions that it cites."""
@@ -481,25 +473,20 @@ def conclude(session: Session, kb_id: int, judges: Sequence[Judge]) -> list[Verd
 
 def stand(session: Session, kb_id: int, judges: Sequence[Judge]) -> list[Verdict]:
     """Read the verdicts of judges so far, also on unjudged rules, in the order of the rules."""
-    so_far = {one: one.so_far() for one in judges}
-    revisions = _read_cited(session, kb_id, so_far)
-    return [each for judge, own in so_far.items() for each in judge.standing(own, revisions)]
+    return verdicts(session, kb_id, {one: one.so_far() for one in judges})
 
 
 def verdicts(
-    session: Session, kb_id: int, decided: Mapping[Judge, Sequence[Decided]]
+    session: Session, kb_id: int, decided: Mapping[Judge, Sequence[Decided | Verdict]]
 ) -> list[Verdict]:
-    """Make the verdicts from the decisions of judges."""
-    revisions = _read_cited(session, kb_id, decided)
-    return [judge.verdict(one, revisions) for judge, own in decided.items() for one in own]
-
-
-def _read_cited(
-    session: Session, kb_id: int, decided: Mapping[Judge, Sequence[Decided]]
-) -> Mapping[int, Revision]:
-    """Read the revisions that verdicts cite, in one statement."""
+    """Make the verdicts from the decisions of judges; read the revisions in one statement."""
     cited = {number for judge, own in decided.items() for number in judge.cited(own)}
-    return read_numbered(session, kb_id, cited)
+    revisions = read_numbered(session, kb_id, cited)
+    return [
+        one if isinstance(one, Verdict) else judge.verdict(one, revisions)
+        for judge, own in decided.items()
+        for one in own
+    ]
 
 
 # The states of a range.

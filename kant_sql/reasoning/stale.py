@@ -43,28 +43,29 @@ def stale(state: State, condition: str | Node, *, than: float) -> list[Version]:
     """
     text = text_of(condition)
 
-    def find(view: View) -> list[int]:
+    def find(view: View) -> list[Version]:
         atoms = _needed(view.definitions, text)
         asking = Asking(text, None, None, {})
         names = [f"?{fold(name)}" for name in asking.prepared(view.definitions)[0].columns]
         bindings = [dict(zip(names, row, strict=True)) for row in asking.read(view)]
         if view.kb_id is None:
-            return []
+            return stale_facts(state, view, [], than)
         wanted: dict[int, set[str]] = defaultdict(set)
         for predicate, terms in atoms:
             for binding in bindings:
                 objects = (binding.get(fold(term), term) for term in terms)
                 wanted[predicate].add(view.definitions.arguments(objects) or "")
         own = {"kb": view.kb_id, "is_goal": False}
-        return [
+        ids = [
             row[0]
             for predicate, arguments in wanted.items()
             for row in view.session.rows(
                 FIND, predicate=predicate, arguments=view.session.list_value([*arguments]), **own
             )
         ]
+        return stale_facts(state, view, ids, than)
 
-    return stale_facts(state, state.store.read_in_snapshot(find, state.at), than)
+    return state.store.read_in_snapshot(find, state.at)
 
 
 def _needed(definitions: Definitions, text: str) -> list[tuple[int, list[str]]]:

@@ -118,7 +118,7 @@ class StepRun:
     def _happen(self, snap: Snap, at: At) -> At:
         """Return the state after a part of the step; refuse it if its condition does not hold."""
         self._task.go(at)
-        self._refuse(snap.unmet() or snap.prepare())
+        self._refuse(snap.phase.unmet(snap) or snap.prepare())
         (bits, values), changes = at, snap.changes
         for fact in changes.deletes:
             bits &= ~self._task.bit(fact)

@@ -461,13 +461,6 @@ _Given = tuple[str, Sequence[str], Decimal | None, Execution | None]
 
 def _given(definitions: Definitions, step: object) -> _Given:
     if isinstance(step, str):
-        name, *words = step[1:-1].split() or ("",)
-        known = definitions.actions.named(name)
-        objects = [one for one in map(definitions.objects.named, words) if one is not None]
-        is_plain = step[:1] == "(" and step[-1:] == ")" and len(objects) == len(words)
-        if known is not None and is_plain:
-            # The usual case: the reader would find no error.
-            return known.name, [one.name for one in objects], None, None
         match = _TIMES.match(step)
         text, duration = (step, None) if match is None else match.groups()
         read = read_step(

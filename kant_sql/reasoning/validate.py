@@ -392,7 +392,7 @@ class PlanExecution:
         literals = [self._literal(one.position) for one in entries if one.is_literal]
         snaps = [self._snap(one) for one in entries if not one.is_literal]
         for snap in snaps:
-            failed = snap.unmet() or snap.prepare() or snap.conflicts()
+            failed = snap.phase.unmet(snap) or snap.prepare() or snap.conflicts()
             if failed:
                 raise _Failure(snap.position, snap.time, failed)
         self._check_interference(snaps, literals)

@@ -29,6 +29,7 @@ def test_the_log_is_bounded_by_revisions_and_times(store: str) -> None:
     assert numbers(store, "--until", "2") == [2, 1]
     assert numbers(store, "--since", time_text(second), "--until", time_text(second)) == [2]
     assert numbers(store, "--since", "a day ago") == [3, 2, 1]
+    assert numbers(store, "--limit", "0") == []
     assert numbers(store, "--limit", "1") == [3]
     assert numbers(store, "--limit", "2") == [3, 2]
     assert numbers(store, "--limit", "9" * 30) == [3, 2, 1]

@@ -76,7 +76,7 @@ def test_a_backup_that_fails_leaves_nothing(
     for source, file, error, said in (
         (url, existing, InvalidArgumentError, "never overwrites a file"),
         (url, tmp_path / "nowhere" / "copy.db", StoreError, "No such file or directory"),
-        (url, "a\0b.db", InvalidArgumentError, "cannot name a file: embedded null byte"),
+        (url, "a\0b.db", InvalidArgumentError, "cannot name a file: .*embedded null"),
         (url, "\ud800.db", InvalidArgumentError, "cannot name a file: 'utf-8' codec can't encode"),
         (missing, tmp_path / "copy.db", SchemaError, "no such file"),
         ("sqlite://", tmp_path / "copy.db", InvalidArgumentError, "in memory"),

@@ -20,10 +20,10 @@ from kant_sql.knowledge_base import state_of
 from kant_sql.pddl import write
 from kant_sql.planning import problem_hash
 from kant_sql.plans import dao
-from kant_sql.reasoning import durative, execute, links, replan, search, validate
+from kant_sql.reasoning import act, durative, execute, links, replan, search, stale, validate
 from kant_sql.sql.changes import Change as Line
 from kant_sql.store.state import State
-from tests.support.reading import as_actor, loaded
+from tests.support.reading import as_actor, loaded, store_of
 
 DOMAIN = """
 (define (domain ward) (:requirements :typing :durative-actions) (:types robot place)
@@ -55,6 +55,12 @@ def archived(to: Path) -> Change:
         other.store.archive(other.revision, to=f"sqlite:///{to / 'archive.db'}")
 
     return archive
+
+
+def skip_in_memory(kb: KnowledgeBase) -> None:
+    """Skip where other threads wait for the one connection, which the reading one holds."""
+    if store_of(kb).backend.has_one_connection:
+        pytest.skip("other threads wait for the one connection")
 
 
 @pytest.fixture
@@ -157,6 +163,22 @@ def test_states_are_compared_by_one_name_of_each_object(
     [change] = kb.diff(kb.at(revision), kb)
     assert change in (Line("+", "fact", "(lit hall)"), Line("+", "fact", "(lit erased-1)"))
     assert len(kb.diff(kb, kb.at(revision))) == 1
+
+
+def test_steps_are_those_of_one_state(kb: KnowledgeBase, after: Callable[..., None]) -> None:
+    skip_in_memory(kb)
+    for name in ("clean", "leave"):
+        kb.actions.save(f"(:action {name} :parameters () :precondition (lit room))")
+    after(act, "asked", lambda other: other.propositions.delete("(lit room)"))
+    expected = ["(clean)", "(leave)"]
+    assert [str(step) for step in kb.applicable_actions() if not step.arguments] == expected
+
+
+def test_stale_facts_are_those_of_one_state(kb: KnowledgeBase, after: Callable[..., None]) -> None:
+    skip_in_memory(kb)
+    after(stale, "_needed", lambda other: other.propositions.delete("(lit room)"))
+    assert [fact.text for fact in kb.stale("(lit ?p)", than=0)] == ["(lit room)"]
+    assert kb.stale("(lit ?p)", than=0) == []
 
 
 def test_a_planner_is_asked_again_if_a_name_was_erased_while_it_worked(

@@ -19,6 +19,7 @@ import kant_sql
 from kant_sql import KnowledgeBase, PddlFunctionDto, PddlTypeDto, Plan, aio
 from kant_sql.errors import ClosedError
 from kant_sql.sql.dialects.base import Session
+from kant_sql.sql.query import Query
 from tests.support.generators.junk import Calling, Case, World, signature
 from tests.support.reading import store_of
 from tests.support.servers import Server
@@ -334,3 +335,29 @@ def test_what_nobody_closed_is_freed(common_url: str, make: Callable[[str], Know
     gc.collect()
     gc.collect()
     assert [each() for each in kept] == [None] * len(kept)
+
+
+def used(url: str) -> None:
+    """Read, write and watch, then close."""
+    with opened(url) as kb:
+        kb.types.save(PddlTypeDto("robot"))
+        kb.types.delete("robot")
+        kb.holds("(and)")
+        assert kb.revision
+
+
+def test_a_program_that_connects_again_and_again_keeps_nothing(
+    common_url: str, made_queries: list[Query]
+) -> None:
+    def live() -> Counter[str]:
+        for _ in range(5):
+            used(common_url)
+        made_queries.clear()
+        gc.collect()
+        gc.collect()
+        return Counter(type(each).__qualname__ for each in gc.get_objects())
+
+    live()
+    before = live()
+    grown = live() - before
+    assert grown.total() < 5, grown

@@ -235,6 +235,18 @@ def test_a_time_in_the_future_is_refused(fresh_kb: KnowledgeBase, moment: dateti
         fresh_kb.types.save(ROBOT)
 
 
+def test_a_range_that_begins_in_the_future_is_refused_by_its_own_time(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    for _ in range(2):
+        for call in (fresh_kb.log, fresh_kb.contradicted):
+            with pytest.raises(
+                UnknownRevisionError, match=r"the time 2999-01-01T00:00:00\+00:00 is"
+            ):
+                list(call(since="2999-01-01T00:00:00Z"))
+        fresh_kb.types.save(ROBOT)
+
+
 def test_a_time_without_a_zone_is_refused(fresh_kb: KnowledgeBase) -> None:
     with pytest.raises(UnknownRevisionError, match=r"has no zone; give one, as UTC$"):
         fresh_kb.at(NAIVE)

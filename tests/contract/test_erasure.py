@@ -111,6 +111,16 @@ def test_an_erased_name_is_in_no_answer_and_the_chain_is_intact(kb: KnowledgeBas
     assert kb.history("(at erased-1 hall)")
 
 
+def test_a_plan_that_was_read_before_an_erasure_has_the_texts_of_now(kb: KnowledgeBase) -> None:
+    plans = kb.plans.get_all()
+    kb.erase(NAME, reason="she asked for it")
+    now = kb.plans.get_all()
+    assert [one.problem_hash for one in plans] != [one.problem_hash for one in now]
+    for before, after in zip(plans, now, strict=True):
+        assert before.domain_pddl() == after.domain_pddl()
+        assert before.problem_pddl() == after.problem_pddl()
+
+
 def test_a_second_name_in_the_same_texts_is_erased_too(kb: KnowledgeBase) -> None:
     kb.erase(NAME, reason="she asked for it")
     kb.propositions.save("(at erased-1 hall)")

@@ -511,7 +511,7 @@ def test_another_writer_in_between(rooms: KnowledgeBase, branch_of: Branch) -> N
     merging = _Merging(state_of(rooms), state_of(trial), {"(battery rb1)": "theirs"})
     rooms.propositions.save("(open p3)")
     with store_of(rooms).transaction() as transaction:
-        assert merging.write(transaction).head == 4
+        assert merging.write(transaction).made.head == 4
     merging = _Merging(state_of(rooms), state_of(trial), {"(battery rb1)": "theirs"})
     assert rooms.merge(trial).revision is None
     other = branch_of(rooms)
@@ -578,15 +578,31 @@ def test_a_replica_has_the_merge_and_takes_none(
     assert replica.store.verify().is_intact
 
 
-def test_read_only_it_previews_without_trying(
+def test_read_only_it_previews_the_same(
     shared_url: str, connect: Connect, branch_of: Branch
 ) -> None:
     kb = connect(shared_url, knowledge_base="tiago")
     loaded(kb, DOMAIN, PROBLEM)
+    exactly = "(exactly-one (?p - place) (at rb1 ?p))"
+    kb.rules.save("at-one", exactly, on_violation="refuse")
+    closed = "(always (imply (open p1) (at rb1 p2)))"
+    kb.rules.save("closed", closed, on_violation="refuse")
     trial = branch_of(kb)
-    trial.propositions.save("(open p1)")
+    move(kb, "rb1", "p2", "seen")
+    kb.propositions.save("(open p1)")
+    move(trial, "rb1", "p3", "planned")
     reader = kant_sql.connect(shared_url, knowledge_base="tiago", read_only=True)
-    assert lines(reader.merge_preview(trial)) == ["+ fact (open p1)"]
+    decide: dict[str, Decision] = {}
+    for side in (f"rule at-one {exactly}", f"rule closed {closed}"):
+        found = reader.merge_preview(trial, decide=decide)
+        assert found == kb.merge_preview(trial, decide=decide)
+        assert side in elements(found)
+        decide[side] = "ours" if decide else "theirs"
+    found = reader.merge_preview(trial, decide=decide)
+    assert "at-one" in present(found.refused)
+    assert found == kb.merge_preview(trial, decide=decide)
+    with pytest.raises(InvalidArgumentError, match="nothing"):
+        reader.merge_preview(trial, decide={"nothing": "ours"})
     with pytest.raises(ReadOnlyError):
         reader.merge(trial)
     reader.close()

@@ -190,6 +190,19 @@ def test_a_metric_that_no_state_has_is_refused_by_name(fresh_kb: KnowledgeBase) 
             fresh_kb.pddl.metric_value()
 
 
+def test_a_metric_counts_a_cost_without_a_value_from_0(fresh_kb: KnowledgeBase) -> None:
+    fresh_kb.load_domain("(define (domain d) (:predicates (p)) (:functions (Total-Cost) (load)))")
+    fresh_kb.load_problem("""(define (problem p) (:domain d) (:init (= (load) 2)) (:goal (and))
+      (:metric minimize (+ (load) (total-cost))))""")
+    assert fresh_kb.pddl.metric_value() == fresh_kb.validate([]).metric_value == 2
+    fresh_kb.function_values.set("total-cost", value=3)
+    assert fresh_kb.pddl.metric_value() == fresh_kb.validate([]).metric_value == 5
+    fresh_kb.function_values.delete_all()
+    assert fresh_kb.validate([]).metric_value is None
+    with pytest.raises(InvalidKnowledgeError, match="has no value"):
+        fresh_kb.pddl.metric_value()
+
+
 def test_why_a_step_cannot_be_executed(kb: KnowledgeBase) -> None:
     assert kb.why_not("(fly p1 c0 c1)") == []
     assert [str(failed) for failed in kb.why_not("(fly p1 c1 c0)")] == ["(at p1 c1): does not hold"]
@@ -246,12 +259,13 @@ def test_applicable_actions(kb: KnowledgeBase) -> None:
         kb.applicable_actions("flies")
 
 
-def test_each_action_takes_one_statement_when_it_is_needed(kb: KnowledgeBase) -> None:
+def test_each_action_takes_one_statement(kb: KnowledgeBase) -> None:
     # The order of a join is chosen once, by how many facts there are.
     _ = list(kb.applicable_actions())
-    steps = kb.applicable_actions()
-    assert count(lambda: next(steps)) == 1
-    assert count(lambda: next(steps)) == 1
+    # One more reads the head.
+    assert count(lambda: kb.applicable_actions("fly")) == 2
+    assert count(lambda: kb.applicable_actions(limit=2)) == 3
+    assert count(kb.applicable_actions) == 10
     assert count(lambda: kb.why_not("(fly p1 c0 c1)")) == 1
 
 

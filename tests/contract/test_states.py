@@ -248,6 +248,30 @@ def test_states_calculate_and_write_numbers_as_the_store(fresh_kb: KnowledgeBase
         assert (found, hash(found)) == (again, hash(again))
 
 
+def test_states_refuse_undefined_effects_in_the_words_of_the_store(
+    fresh_kb: KnowledgeBase,
+) -> None:
+    loaded(
+        fresh_kb,
+        """(define (domain d) (:requirements :typing :fluents :object-fluents) (:types room)
+          (:predicates (lit ?r - room)) (:functions (f) (g) (zero) (of ?r - room) - number
+            (best) - room)
+          (:action a :parameters (?r - room) :effect (increase (of ?r) 1))
+          (:action b :parameters (?r - room) :effect (assign (of ?r) (/ 1 (f))))
+          (:action c :parameters () :effect (lit (best)))
+          (:action e :parameters () :effect (assign (of (best)) 3))
+          (:action h :parameters () :effect (scale-down (g) (zero))))""",
+        """(define (problem p) (:domain d) (:objects hall - room)
+          (:init (= (g) 1) (= (zero) 0)) (:goal (and)))""",
+    )
+    for step in ("(a hall)", "(b hall)", "(c)", "(e)", "(h)"):
+        with pytest.raises(NotApplicableError) as stored:
+            fresh_kb.apply(step)
+        with pytest.raises(NotApplicableError) as found:
+            fresh_kb.state().apply(step)
+        assert str(found.value) == str(stored.value)
+
+
 def test_states_of_other_histories_are_refused_by_what_they_are(home: KnowledgeBase) -> None:
     state = home.state()
     moved = state.apply("(move hall lab)")

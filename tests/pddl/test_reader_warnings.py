@@ -57,6 +57,7 @@ def problem(text: str) -> Problem:
         ("(:functions (g))", 14, "found 'g' again, expected each function once", ""),
         ("(:requirements typing)", 16, "found 'typing', expected ':typing'", None),
         ("(:requirements :adl)", 1, "expected (:requirements ...) once", ""),
+        ("(:requirements :typng)", 16, "':typng', expected a known requirement; kept (did", None),
         (
             "(:action e :precondition (r))",
             10,
@@ -196,6 +197,9 @@ def test_domains(body: str, column: int, message: str, standard: str | None) -> 
         ("(:init (p k) (p K))", 14, "found (p k) again", "(:init (p k))"),
         ("(:init (= (g) 1) (= (g) 1.0))", 18, "expected each value once", "(:init (= (g) 1))"),
         ("(:init (at 1 (r)) (at 1 (r)))", 19, "timed literal once", "(:init (at 1 (r)))"),
+        ("(:init (at 1 (r)) (at 1.0 (not (r))))", 19, "one of the two; (r) holds then", None),
+        ("(:init (at 1 (not (r))) (at 1 (r)))", 25, "one of the two; (r) holds then", None),
+        ("(:init (at 1 (= (g) 1)) (at 1 (= (g) 2)))", 25, "the last one holds", None),
         ("(:init (and (r) (p k)))", 8, "expected facts without (and ...)", "(:init (r) (p k))"),
         ("(:init (= g 1))", 11, "found 'g', expected '(g)'", "(:init (= (g) 1))"),
         ("(:init (= (total-cost) 0))", 12, "expected the declaration of total-cost", None),

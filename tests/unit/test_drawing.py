@@ -177,7 +177,7 @@ def luminance(colour: str) -> float:
     return sum(weight * each for weight, each in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
 
 
-@pytest.mark.parametrize("colour", [*_COLOURS, _NOBODY, *(each[2] for each in _OUTCOMES.values())])
+@pytest.mark.parametrize("colour", [*_COLOURS, _NOBODY, *(each[1] for each in _OUTCOMES.values())])
 def test_colours_are_read_on_both_pages_and_with_white_text(colour: str) -> None:
     def contrast(other: str) -> float:
         low, high = sorted((luminance(colour), luminance(other)))

@@ -132,7 +132,7 @@ def test_effects_without_a_defined_result_fail() -> None:
       (:action d :parameters () :effect (and (assign (f) 1) (increase (f) 2)))
       (:action e :parameters () :effect (assign (g) (/ 1 (f))))"""
     problem = "(:init) (:goal (and (>= (f) 1)))"
-    assert "(f) has no value" in failure(run(domain, problem, "a"))[3][0]
+    assert "(f): has no value that could be changed" in failure(run(domain, problem, "a"))[3][0]
     assert "its value is undefined" in failure(run(domain, problem, "b"))[3][0]
     assert "two effects of the action change" in failure(run(domain, problem, "c", "d"))[3][0]
     assert "its value is undefined" in failure(run(domain, problem, "c", "e"))[3][0]
@@ -159,7 +159,7 @@ def test_object_fluents_are_executed() -> None:
       (:goal (and (= (at x) a) (free b)))"""
     assert run(domain, problem, "put x b", "put x a").valid
     assert failure(run(domain, problem, "put x a"))[3][0] == "(not (= (at x) a)): does not hold"
-    assert "undefined" in failure(run(domain, problem, "back x"))[3][0]
+    assert "an object fluent in it has no value" in failure(run(domain, problem, "back x"))[3][0]
     assert (
         run(domain, problem.replace("(:init", "(:init (= (home) a)"), "put x b", "back x").valid
         is False

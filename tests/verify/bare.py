@@ -77,7 +77,7 @@ class Bare(NamedTuple):
         report: Report | None = None,
         kept: Kept | None = None,
     ) -> list[Finding]:
-        """Verify all knowledge bases, in the open transaction."""
+        """Verify all knowledge bases, in the open transaction; continue from what was kept."""
         kbs = self.run("SELECT id, name FROM knowledge_base ORDER BY id, name")
         if NAME not in {name for _, name in kbs}:
             kbs.append((None, NAME))
@@ -85,8 +85,8 @@ class Bare(NamedTuple):
             finding
             for kb_id, name in kbs
             for finding in verify_session(
-                self.session, kb_id, name, anchored, report=report, kept=kept
-            ).findings
+                self.session, kb_id, name, anchored, report, kept, kept.revision if kept else 0
+            )[0].findings
         ]
 
     def is_intact(self, kept: Kept | None = None) -> bool:

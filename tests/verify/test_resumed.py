@@ -305,13 +305,6 @@ def kept_at(bare: Bare, number: int) -> Kept:
     return Kept(number, digest, datetime.now(UTC), None)
 
 
-@pytest.fixture
-def forced(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Continue even where the last revision of the story records an archive."""
-    monkeypatch.setattr(verifying, "_first_to_check", lambda _, __, kept: kept.revision)
-
-
-@pytest.mark.usefixtures("forced")
 def test_the_story_is_intact_from_each_revision_on(full: Bare) -> None:
     with full.tampering():
         [(last,)] = full.run("SELECT max(number) FROM revision")
@@ -332,7 +325,6 @@ def is_later(mutation: Mutation) -> bool:
 
 
 @pytest.mark.more
-@pytest.mark.usefixtures("forced")
 def test_each_mutation_of_what_came_later_is_found(full: Bare) -> None:
     with full.tampering():
         kept = kept_at(full, MIDDLE)

@@ -23,7 +23,6 @@ def test_it_shows_what_the_library_previews(filled: Filled) -> None:
     page = client.get("/merge?kb=courier&branch=trial").text
     assert "fact (robot_at rb1 wp1)" in page
     assert "planner" in page
-    assert "no rule is checked" in page
     assert "&lt;b&gt;shorter" in page
     assert "/revision?kb=trial&amp;number=2" in page
     # What is new there was never here.
@@ -31,6 +30,19 @@ def test_it_shows_what_the_library_previews(filled: Filled) -> None:
     head = kb.revision
     assert client.get("/merge?kb=courier").status_code == 200
     assert kb.revision == head
+
+
+def test_a_rule_that_would_break_is_a_conflict(filled: Filled) -> None:
+    kb, client = filled
+    fill(kb, 5)
+    with kb.branch("ruled") as branch:
+        branch.propositions.delete("(robot_at rb1 wp2)")
+    kb.rules.save("there", "(always (robot_at rb1 wp2))", on_violation="refuse")
+    found = client.get("/api/merge?kb=courier&branch=ruled").json()["merge"]
+    assert [one["element"] for one in found["conflicts"]] == [
+        "rule there (always (robot_at rb1 wp2))"
+    ]
+    assert "rule there" in client.get("/merge?kb=courier&branch=ruled").text
 
 
 def test_a_long_merge_is_cut_and_counted(filled: Filled) -> None:

@@ -47,7 +47,7 @@ class Leaving(NamedTuple):
         return sum(self.versions.values())
 
 
-def _ended(part: CopiedTable) -> tuple[ColumnElement[bool], ...]:
+def _ended(part: CopiedTable) -> tuple[ColumnElement[bool], ColumnElement[bool]]:
     return part.version.c.kb_id == KB, in_range(part.version.c.until)
 
 
@@ -111,9 +111,9 @@ _AS_READ: tuple[tuple[type[Any], Callable[[Any], Any]], ...] = (
 
 def _leaving(part: CopiedTable) -> dict[Table, tuple[ColumnElement[bool], ...]]:
     """Return the conditions of the rows to remove, by table, parents first."""
-    ended = in_range(part.version.c.until)
-    children = {child: children_of(part, child, ended) for child in part.children}
-    return {part.version: _ended(part), **children}
+    own = _ended(part)
+    children = {child: children_of(part, child, own[1]) for child in part.children}
+    return {part.version: own, **children}
 
 
 @cache

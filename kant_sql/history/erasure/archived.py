@@ -90,8 +90,8 @@ class ArchivedPart:
                     "with all versions; nothing was erased: name the archive, or a copy of it"
                 )
             self._check_rest(here, own_id)
-            found = verify_session(there, kb_id, name).findings
-        for _, _, message in found[:1]:
+            found, _ = verify_session(there, kb_id, name)
+        for _, _, message in found.findings[:1]:
             raise StoreIntegrityError(
                 f"{label}: the archive of knowledge base {name!r} was altered: {message}; nothing "
                 "was erased: 'kant-sql verify' shows all of it, name an intact copy"

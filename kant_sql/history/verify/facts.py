@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
 from hashlib import sha256
 from math import copysign
 from typing import Any, NamedTuple
@@ -81,8 +80,8 @@ class FactCheck:
 
     def run(self) -> None:
         """Run the checks."""
-        self._compare(_FACTS, "predicate", _fact_rule, self._fact_said)
-        self._compare(_FLUENTS, "function", self._value_rule, self._value_said)
+        self._compare(_FACTS, "predicate", _is_fact_right, self._fact_said)
+        self._compare(_FLUENTS, "function", self._is_value_right, self._value_said)
         # This reads all rows; a continued verification relies on the unique index for new ones.
         for atoms in () if self._check.after else (_FACTS, _FLUENTS):
             table = atoms.tables.identity.name
@@ -93,7 +92,7 @@ class FactCheck:
         self,
         atoms: _Atoms,
         kind: str,
-        rule: Callable[[Row, Sequence[int]], Callable[[Row], bool]],
+        is_right: Callable[[Row, Row, Sequence[int]], bool],
         said: Callable[[Row, Row, Sequence[int]], tuple[bool, str] | None],
     ) -> None:
         """Merge identities, arguments, versions and sayings by the id of the identity."""
@@ -107,19 +106,14 @@ class FactCheck:
             ids = [argument[2] for argument in own]
             self._check_text(atoms, row, owners[row[1]], own)
             before: int | None = 0
-            is_right = rule(row, ids)
             for version in versions.take(row[0]):
                 since, until, owner, kept = version[1:5]
-                if (
-                    before is None
-                    or since < before
-                    or (until is not None and until <= since)
-                    or kept != fork(since, until)
-                ):
-                    fault = interval_fault(before, since, until)
-                    fault = fault or f"has the fork {kept}, which is not that of its revisions"
+                fault = interval_fault(before, since, until)
+                if fault is None and kept != fork(since, until):
+                    fault = f"has the fork {kept}, which is not that of its revisions"
+                if fault is not None:
                     self._report_version(atoms, row[3], since, fault)
-                if owner != row[1] or not is_right(version):
+                if owner != row[1] or not is_right(row, version, ids):
                     text = version[-1] if "text" in atoms.held else row[3]
                     self._report_version(atoms, text, since, _DIFFERS[kind])
                 before = until
@@ -151,7 +145,7 @@ class FactCheck:
     def _fact_said(self, row: Row, saying: Row, ids: Sequence[int]) -> tuple[bool, str] | None:
         *objects, holds = saying[7:]
         # Facts only: goals have no sayings.
-        is_right = _fact_rule(row, ids)((*saying[:5], False, *objects))
+        is_right = _is_fact_right(row, (*saying[:5], False, *objects), ids)
         return (holds, row[3]) if is_right and holds in (False, True) else None
 
     def _value_said(self, row: Row, saying: Row, ids: Sequence[int]) -> tuple[bool, str] | None:
@@ -160,7 +154,7 @@ class FactCheck:
             return False, row[3]
         text = value_text(row[3], value if object_id is None else self._objects[object_id])
         version = (*saying[:5], value, number, object_id, text)
-        return (True, text) if self._is_value_right(row, version) else None
+        return (True, text) if self._is_value_right(row, version, ids) else None
 
     def _check_text(self, atoms: _Atoms, row: Row, owner: str, arguments: list[Row]) -> None:
         table = atoms.tables.identity.name
@@ -184,10 +178,7 @@ class FactCheck:
     def _report_version(self, atoms: _Atoms, text: str, since: int, fault: str) -> None:
         self._add(since, atoms.tables.version.name, f"'{text}' since revision {since} {fault}")
 
-    def _value_rule(self, row: Row, _: Sequence[int]) -> Callable[[Row], bool]:
-        return partial(self._is_value_right, row)
-
-    def _is_value_right(self, row: Row, version: Row) -> bool:
+    def _is_value_right(self, row: Row, version: Row, _: Sequence[int]) -> bool:
         value, number, object_id, text = version[5:]
         # Otherwise a number could pass for an object with that name.
         if (object_id is not None) != (row[1] in self._object_functions.at(version[1])):
@@ -209,12 +200,10 @@ _DIFFERS = {
 }
 
 
-def _fact_rule(row: Row, arguments: Sequence[int]) -> Callable[[Row], bool]:
-    """Return a check of the columns of versions of a fact, made once for all of them."""
-    expected = (row[4], *[*arguments[:2], None, None][:2])
+def _is_fact_right(row: Row, version: Row, arguments: Sequence[int]) -> bool:
+    """Check the columns of a version of a fact."""
     # SQLite treats any number as true, the queries only 1.
-    is_flag = row[4] in (False, True)
-    return lambda version: is_flag and version[5:] == expected
+    return row[4] in (False, True) and version[5:] == (row[4], *[*arguments[:2], None, None][:2])
 
 
 def _is_nearest(number: float, value: str) -> bool:

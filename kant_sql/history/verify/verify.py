@@ -295,7 +295,9 @@ def verify(
             _guarded(session, report, partial(check_generated, session, kb_id, report))
             if not after:
                 _guarded(session, report, partial(check_indexes, session, report))
-        done, end = _verify(session, kb_id, store.name, anchored, progress, report, kept, after)
+        done, end = verify_session(
+            session, kb_id, store.name, anchored, report, kept, after, progress
+        )
         return done, end and end._replace(seen=row and row[2])
 
     done, end = store.query_in_snapshot(check)
@@ -309,10 +311,22 @@ def verify_session(
     anchored: AnchoredHead | None = None,
     report: Report | None = None,
     kept: Kept | None = None,
-) -> Verification:
+    after: int = 0,
+    progress: Progress | None = None,
+) -> tuple[Verification, End | None]:
     """Verify one knowledge base in the transaction of a session."""
-    after = 0 if kept is None or kb_id is None else _first_to_check(session, kb_id, kept)
-    return _verify(session, kb_id, name, anchored, None, report or Report(), kept, after)[0]
+    report = report or Report()
+    _guarded(session, report, lambda: check_strays(session, kb_id, report))
+    if kb_id is None:
+        if anchored is not None:
+            report.add(1, "knowledge_base", f"knowledge base {name!r} is missing")
+        return Verification(
+            name, 0, 0, report.findings(), anchored=anchored and anchored.revision
+        ), None
+    verifier = _Verifier(Check(session, kb_id, report, after), name, progress)
+    done, last = verifier.run(anchored, kept), verifier.chain.last
+    before = kept if after else None
+    return done, None if last is None else End(kb_id, last.number, last.hash, before)
 
 
 class End(NamedTuple):
@@ -347,29 +361,6 @@ def _keep(store: Store, done: Verification, end: End) -> Verification:
             raise
         return replace(done, is_kept=False, keep_error=str(error))
     return replace(done, is_kept=done.is_intact)
-
-
-def _verify(
-    session: Session,
-    kb_id: int | None,
-    name: str,
-    anchored: AnchoredHead | None,
-    progress: Progress | None,
-    report: Report,
-    kept: Kept | None,
-    after: int,
-) -> tuple[Verification, End | None]:
-    _guarded(session, report, lambda: check_strays(session, kb_id, report))
-    if kb_id is None:
-        if anchored is not None:
-            report.add(1, "knowledge_base", f"knowledge base {name!r} is missing")
-        return Verification(
-            name, 0, 0, report.findings(), anchored=anchored and anchored.revision
-        ), None
-    verifier = _Verifier(Check(session, kb_id, report, after), name, progress)
-    done, last = verifier.run(anchored, kept), verifier.chain.last
-    before = kept if after else None
-    return done, None if last is None else End(kb_id, last.number, last.hash, before)
 
 
 class _Verifier:

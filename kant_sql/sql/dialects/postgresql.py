@@ -15,7 +15,7 @@ from collections.abc import Collection, Hashable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from datetime import UTC, datetime
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import quote, quote_plus
 
 from sqlalchemy import (
@@ -105,6 +105,9 @@ from .postgresql_structure import (
 )
 from .structure import IndexFault, Statement
 from .words import POSTGRESQL_WORDS
+
+if TYPE_CHECKING:
+    from psycopg.adapt import Loader
 
 logger = logging.getLogger("kant_sql.postgresql")
 
@@ -199,12 +202,18 @@ def _rows_of_ids(element: RowsOfIds, compiler: Any, **options: Any) -> str:
 
 def read_all_times(connection: Any) -> None:
     """Load times beyond Python's datetime as text: the driver would refuse the whole result."""
-    from psycopg import DataError, pq
-    from psycopg.adapt import Loader
+    from psycopg import pq
 
     registry = connection.adapters
     oid = registry.types["timestamptz"].oid
-    driver: type[Loader] = registry.get_loader(oid, pq.Format.TEXT)
+    registry.register_loader(oid, _any_time(registry.get_loader(oid, pq.Format.TEXT)))
+
+
+# The driver keeps each class that it is given, so all connections share one.
+@cache
+def _any_time(driver: type[Loader]) -> type[Loader]:
+    from psycopg import DataError
+    from psycopg.adapt import Loader
 
     class AnyTime(Loader):
         def __init__(self, oid: int, context: Any = None) -> None:
@@ -217,7 +226,7 @@ def read_all_times(connection: Any) -> None:
             except DataError:
                 return bytes(data).decode()
 
-    registry.register_loader(oid, AnyTime)
+    return AnyTime
 
 
 @cache
