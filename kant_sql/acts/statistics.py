@@ -16,16 +16,15 @@ from .. import html
 from ..arguments import one_of, shown, storable_text
 from ..dao.text import refuse_unknown_actor
 from ..errors import InvalidArgumentError
-from ..history.confirmations import unconfirmed
+from ..history.confirmations import read_unconfirmed
 from ..history.revisions import at_most
 from ..moment_text import When
 from ..sql import tables as t
-from ..sql.executions import OUTCOMES, Key, of_execution
+from ..sql.executions import OUTCOMES, of_execution
 from ..sql.query import Query, Seconds, constant, first_rows, integer
 from ..sql.rows import KB, looked_up, table_of
 from ..store.snapshot import View
 from ..store.state import State
-from . import Execution
 from .executions import began, find_outcomes, had_outcome
 from .recording import ExecutionReader, parse_id, parse_words
 
@@ -166,7 +165,7 @@ def statistics(
     given: dict[str, Any] = {"low": low, "high": high}
     given |= {} if actor is None else {"actor": actor}
     given |= {} if state.at is None else {"at": state.at}
-    key = wanted, actor is not None, state.at is not None
+    key, group = (wanted, actor is not None, state.at is not None), attrgetter(*GROUPINGS)
 
     def read(view: View) -> list[Statistics]:
         if view.kb_id is None:
@@ -175,29 +174,25 @@ def statistics(
         for *names, code, count in view.session.rows(_codes(*key), kb=view.kb_id, **given):
             codes[tuple(names)][code] = count
         rows = view.session.rows(_groups(*key), kb=view.kb_id, size=most, **given)
-        return [_made(wanted, row, codes) for row in rows if row[len(wanted)]]
+        made = [_made(wanted, row, codes) for row in rows if row[len(wanted)]]
+        # In the same snapshot: another one may have other names.
+        waiting = _unconfirmed(state, view, wanted, actor, low, high) if made else {}
+        return [replace(one, unconfirmed=waiting.get(group(one), 0)) for one in made]
 
     found = state.store.read_in_snapshot(read, state.at)
     if actor is not None and not found:
         refuse_unknown_actor(state.store, actor)
-    group = attrgetter(*GROUPINGS)
-    waiting = _unconfirmed(state, wanted, actor, low, high) if found else {}
-    said = [replace(one, unconfirmed=waiting.get(group(one), 0)) for one in found]
-    return html.Listing(said, "group")
+    return html.Listing(found, "group")
 
 
 def _unconfirmed(
-    state: State, wanted: Sequence[str], actor: str | None, low: int, high: int
+    state: State, view: View, wanted: Sequence[str], actor: str | None, low: int, high: int
 ) -> Mapping[tuple[Any, ...], int]:
     """Count the unconfirmed facts of each group of acts."""
-    facts = Counter(act for version in unconfirmed(state) for act in version.acts)
+    facts = Counter(act for version in read_unconfirmed(state, view) for act in version.acts)
     keys = [key for key in map(parse_id, facts) if key is not None]
-
-    def read(view: View) -> dict[Key, Execution]:
-        return ExecutionReader(state.store, view).listed(keys)
-
     counted: Counter[tuple[Any, ...]] = Counter()
-    for act in state.store.read_in_snapshot(read, state.at).values() if keys else ():
+    for act in ExecutionReader(state.store, view).listed(keys).values():
         if actor not in (None, act.actor) or not low <= (act.revision or high) <= high:
             continue
         whole = "arguments" in wanted

@@ -118,6 +118,11 @@ def unconfirmed(
     return _find(state, "unconfirmed", older_than, limit)
 
 
+def read_unconfirmed(state: State, view: View) -> list[Version]:
+    """Read all expected facts of a state that is open for other reads."""
+    return _find(state, "unconfirmed", None, None, view=view)
+
+
 def contradicted(
     state: State,
     *,

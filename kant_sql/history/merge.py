@@ -38,7 +38,7 @@ from ..sql.query import Query
 from ..sql.rows import KB
 from ..sql.tables import RevisionRow
 from ..store.head import hash_of
-from ..store.snapshot import View, read_position, read_revision, refuse_archived
+from ..store.snapshot import View, read_position, refuse_archived
 from ..store.state import State
 from ..store.store import Store
 from ..store.transaction import Transaction
@@ -191,6 +191,8 @@ class _Merging:
 
         def read(view: View) -> SideChanges:
             assert view.kb_id is not None
+            archived = read_position(view.session, view.kb_id).archived
+            refuse_archived(view.session, view.kb_id, 1, archived)
             own = (2, found.head, found.merged)
             return read_side(view.session, view.kb_id, view.definitions, *own)
 
@@ -200,10 +202,11 @@ class _Merging:
         self._broken: dict[str, set[Key]] = {}
 
     def compare(
-        self, session: Session, kb_id: int, definitions: Definitions, head: int
+        self, session: Session, kb_id: int, definitions: Definitions, head: int, archived: int
     ) -> tuple[Merge, MergeComparison]:
         """Compare the branch with this knowledge base."""
         found = self.branch
+        refuse_archived(session, kb_id, found.origin, archived)
         merges = _merges(session, kb_id, found.origin, head, found.name)
         if merges != found.merges:
             raise StaleRevisionError(
@@ -309,9 +312,9 @@ class _Merging:
 
     def write(self, transaction: Transaction) -> _Tried:
         """Compare under the lock of the head, and write the result."""
-        definitions = transaction.definitions.origin
-        head = transaction.head.revision
-        found = self.compare(transaction.session, transaction.kb_id, definitions, head)
+        definitions, head = transaction.definitions.origin, transaction.head
+        where = transaction.session, transaction.kb_id, definitions
+        found = self.compare(*where, head.revision, head.archived_revision)
         return self.apply(transaction, *found)
 
     def apply(self, transaction: Transaction, made: Merge, compared: MergeComparison) -> _Tried:
@@ -386,7 +389,9 @@ def _try_on_copy(merging: _Merging, store: Store) -> _Tried:
     def compare(view: View) -> tuple[Merge, MergeComparison]:
         session, kb_id = view.session, view.kb_id
         assert kb_id is not None
-        return merging.compare(session, kb_id, view.definitions, read_revision(view))
+        position = read_position(session, kb_id)
+        head = position.head if view.at is None else view.at
+        return merging.compare(session, kb_id, view.definitions, head, position.archived)
 
     made, compared = store.read_in_snapshot(compare)
     if not compared.may_be_refused:

@@ -32,6 +32,7 @@ from ..planning.action_costs import (
 )
 from ..planning.metrics import refusal
 from ..planning.solving import Judged
+from ..store.snapshot import read_position
 from ..store.state import State
 from .validate import validate_plan
 
@@ -95,12 +96,13 @@ def plan(
         >>> print(kb.plan("pyperplan"), end="")
         (unlock)
     """
-    task, ignored = read_task(state), tuple[str, ...]()
-    judge = partial(_judge, task)
-    if costs is not None:
+    if costs is None:
+        task, ignored = read_task(state), tuple[str, ...]()
+        judge = partial(_judge, task)
+    else:
         one_of(costs, ("history",), "costs")
-        # This state does not know of later executions.
-        task, ignored = _with_history(task, State(state.store, task.revision))
+        known, task, ignored = _read_with_history(state)
+        judge = partial(_judge, known)
         if strict and ignored:
             raise refusal(ignored)
     found = planning.solve(
@@ -180,6 +182,18 @@ def expected_of_action(seen: Statistics | None, usual: Fraction) -> Expected:
         return Expected(usual, Fraction(1, 2))
     success = Fraction(seen.succeeded + 1, seen.succeeded + seen.failed + 2)
     return Expected(Fraction(seen.mean), success)
+
+
+def _read_with_history(state: State) -> tuple[PlanningTask, PlanningTask, tuple[str, ...]]:
+    """Read the task, and write it with costs; also return what is ignored."""
+    erased = state.store.query(read_position).erased
+    task = read_task(state)
+    # This state does not know of later executions.
+    found = task, *_with_history(task, State(state.store, task.revision))
+    if state.store.query(read_position).erased != erased:
+        # The executions may have another name of an object than the task.
+        return _read_with_history(state)
+    return found
 
 
 def _with_history(task: PlanningTask, past: State) -> tuple[PlanningTask, tuple[str, ...]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,7 +25,7 @@ from ..errors import (
     StoreError,
     needing,
 )
-from ..knowledge_base import KnowledgeBase, factory_of
+from ..knowledge_base import KnowledgeBase, factory_of, state_of
 from . import own, paper
 from .experts import ProblemExpert
 
@@ -106,9 +107,9 @@ def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = N
             several nodes.
         StoreError: the knowledge base cannot be written; imported revisions stay.
     """
-    path, before, takers = Path(path), kb.revision, _takers(kb)
-    known = _known(kb, _read(path, takers, namespace))
-    count = refused = 0
+    path, takers, taken = Path(path), _takers(kb), _Taken(kb)
+    known = taken.count(_read(path, takers, namespace))
+    count = made = refused = 0
     for count, said in enumerate(_read(path, takers, namespace), start=1):
         if count <= known:
             continue
@@ -124,8 +125,12 @@ def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = N
         try:
             if said.refusal:
                 raise NotApplicableError(said.refusal)
-            with kb.transaction(observed_at=at, source=source, actor=actor, reason=reason):
-                takers[said.key](said.message, SimpleNamespace())
+            with taken.transaction(observed_at=at, source=source, actor=actor, reason=reason):
+                if taken.has(said.id):
+                    known = count
+                else:
+                    takers[said.key](said.message, SimpleNamespace())
+            made += taken.is_changed
         except (StoreError, ReadOnlyError, ReplicaError):
             raise
         except KantSqlError as error:
@@ -133,18 +138,46 @@ def import_bag(kb: KnowledgeBase, path: str | Path, *, namespace: str | None = N
             logger.warning("%s at %s: %s", said.topic, at.isoformat(), error)
     if not count:
         raise InvalidArgumentError(f"{path} has no call with its contents; {_RECORD}")
-    return Imported(count, kb.revision - before, refused, known)
+    return Imported(count, made, refused, known)
 
 
-def _known(kb: KnowledgeBase, messages: Iterable[_Said]) -> int:
-    """Return the number of messages up to the last imported one."""
-    taken: set[object] = set()
-    for revision in kb.store.revisions():
-        source = revision.source
-        recorded = str(source.get("recorded")) if isinstance(source, dict) else None
-        taken |= {revision.hash, recorded}
-    found = (number for number, said in enumerate(messages, start=1) if said.id in taken)
-    return max(found, default=0) if taken else 0
+class _Taken:
+    """The messages that a knowledge base has, and the transactions that import others."""
+
+    def __init__(self, kb: KnowledgeBase) -> None:
+        self._kb = kb
+        self._ids: set[object] = set()
+        self._last = 0  # the last revision that is read, or made here
+        self.is_changed = False  # whether the last transaction made a revision
+        self._read()
+
+    def _read(self) -> None:
+        for revision in self._kb.store.revisions(self._last):
+            source = revision.source
+            recorded = str(source.get("recorded")) if isinstance(source, dict) else None
+            self._ids |= {revision.hash, recorded}
+            self._last = revision.number
+
+    def count(self, messages: Iterable[_Said]) -> int:
+        """Return the number of messages up to the last imported one."""
+        found = (number for number, said in enumerate(messages, start=1) if said.id in self._ids)
+        return max(found, default=0) if self._ids else 0
+
+    @contextmanager
+    def transaction(self, **said: Any) -> Iterator[None]:
+        """Open a transaction; first read the revisions that others have made meanwhile."""
+        with self._kb.transaction(**said):
+            transaction = state_of(self._kb).store.current()
+            assert transaction is not None
+            if transaction.head.revision > self._last:
+                self._read()
+            yield
+        self.is_changed = transaction.made is not None
+        self._last = transaction.made or self._last
+
+    def has(self, id_: str) -> bool:
+        """Return whether a message is imported."""
+        return id_ in self._ids
 
 
 class _Kinds(str):

@@ -115,25 +115,34 @@ class Writing(Asking):
         return made
 
     def _functions(self) -> tuple[Callable[..., Any], ...]:
-        actor = self._actor
-
         def write_facts(
             kb: KnowledgeBase, reason: Reason, save: Facts = (), delete: Facts = ()
         ) -> WriteAnswer:
             """Retract and assert facts, as one revision: all or nothing."""
-            return _written(kb, actor, reason, partial(facts, save=save, delete=delete))
+            return self._written(kb, reason, partial(facts, save=save, delete=delete))
 
         def write_values(
             kb: KnowledgeBase, reason: Reason, set: Values | None = None, unset: Fluents = ()
         ) -> WriteAnswer:
             """Set values of functions, as one revision: all or nothing."""
-            return _written(kb, actor, reason, partial(values, set=set, unset=unset))
+            return self._written(kb, reason, partial(values, set=set, unset=unset))
 
         def apply_step(kb: KnowledgeBase, step: Step, reason: Reason) -> WriteAnswer:
             """Write the effects of a step if its conditions hold; nothing moves in the world."""
-            return _written(kb, actor, reason, partial(apply, step=step))
+            return self._written(kb, reason, partial(apply, step=step))
 
         return write_facts, write_values, apply_step
+
+    def _written(
+        self, kb: KnowledgeBase, reason: str, work: Callable[[KnowledgeBase], Any]
+    ) -> WriteAnswer:
+        def checked(kb: KnowledgeBase) -> Any:
+            if self._target == "checked":
+                # Now nobody else can delete the rule.
+                self._require_rule(kb, kb.store.factory.name)
+            return work(kb)
+
+        return write(kb, {"actor": self._actor, "reason": reason}, checked)[0]
 
     def _begin(self) -> Callable[..., BegunBranch]:
         store, actor = self.store, self._actor
@@ -154,9 +163,3 @@ class Writing(Asking):
                 return BegunBranch(name, made.revision)
 
         return begin_branch
-
-
-def _written(
-    kb: KnowledgeBase, actor: str, reason: str, work: Callable[[KnowledgeBase], Any]
-) -> WriteAnswer:
-    return write(kb, {"actor": actor, "reason": reason}, work)[0]

@@ -10,9 +10,12 @@ from typing import Any
 import pytest
 
 from kant_sql import KnowledgeBase, Plan
+from kant_sql.acts import statistics
 from kant_sql.documents.exchange import read_task
-from kant_sql.errors import PlanError
-from kant_sql.history import diff
+from kant_sql.errors import ArchivedError, PlanError
+from kant_sql.history import diff, merge
+from kant_sql.history.erasure import retention
+from kant_sql.history.replication import push
 from kant_sql.knowledge_base import state_of
 from kant_sql.pddl import write
 from kant_sql.planning import problem_hash
@@ -226,3 +229,46 @@ def test_a_change_that_is_archived_at_once_touches_a_plan(
     after(replan, "head_revision", archived(tmp_path))
     broken, is_judged = remaining.look(state_of(kb), plan)
     assert (broken, is_judged) == ("the goal (seen room): does not hold", True)
+
+
+def test_statistics_have_one_name_of_each_object(
+    kb: KnowledgeBase, after: Callable[..., None]
+) -> None:
+    kb.end(kb.start("(visit r1 room)"))
+    after(statistics, "attrgetter", lambda other: other.erase("room", reason="asked"))
+    found = {one.argument: one.unconfirmed for one in kb.statistics(by=["argument"])}
+    assert found == {"r1": 2, "erased-1": 2}
+
+
+def test_a_push_counts_only_what_it_sent(
+    kb: KnowledgeBase, after: Callable[..., None], tmp_path: Path
+) -> None:
+    to = f"sqlite:///{tmp_path / 'copy.db'}"
+    after(push._Push, "_retrying", lambda other: other.store.push(to))
+    pushed = kb.store.push(to)
+    assert (pushed.before, pushed.revisions, pushed.versions) == (kb.revision, 0, 0)
+
+
+def test_a_text_is_erased_once_by_two_retentions(
+    kb: KnowledgeBase, after: Callable[..., None]
+) -> None:
+    with kb.transaction(reason="a guest"):
+        kb.propositions.save("(lit hall)")
+    rules, revision = retention.read_rules(["* 0s reason"]), kb.revision
+    after(retention, "Wanted", lambda other: other.store.retain(rules))
+    assert (kb.store.retain(rules).revision, kb.revision) == (None, revision + 1)
+    assert kb.store.verify().is_intact
+
+
+@pytest.mark.parametrize("is_branch", [False, True])
+def test_a_merge_refuses_changes_that_go_to_an_archive(
+    kb: KnowledgeBase, after: Callable[..., None], tmp_path: Path, is_branch: bool
+) -> None:
+    with kb.branch(f"trial {is_branch}") as trial:
+        for each in (kb, trial):
+            each.propositions.delete("(lit room)")
+            each.propositions.save_all(["(seen hall)", "(lit hall)"])
+        moving, to = trial if is_branch else kb, f"sqlite:///{tmp_path / 'archive.db'}"
+        after(merge, "_find", lambda other: moving.store.archive(moving.revision, to=to))
+        with pytest.raises(ArchivedError, match="was moved to an archive"):
+            kb.merge(trial)

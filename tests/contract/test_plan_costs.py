@@ -8,9 +8,11 @@ from typing import Any
 import pytest
 
 from kant_sql import KnowledgeBase, Plan, PlanStep
+from kant_sql.documents.exchange import read_task
 from kant_sql.errors import InvalidArgumentError, UnsupportedConstructError
 from kant_sql.pddl import read_domain, read_problem
-from tests.support.reading import loaded
+from kant_sql.reasoning import search
+from tests.support.reading import as_actor, loaded
 
 DOMAIN = """
 (define (domain floor) (:requirements :typing :durative-actions :fluents)
@@ -106,6 +108,25 @@ def test_without_executions_each_step_costs_the_same(
     assert str(plan.domain_pddl).count("(increase (total-cost) 1)") == 3
     assert fresh_kb.plan().domain_pddl is None
     assert [is_costed for _, _, is_costed in given] == [True, False]
+
+
+def test_an_object_whose_name_is_erased_keeps_its_costs(
+    fresh_kb: KnowledgeBase, given: list[Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begin(fresh_kb)
+    report(fresh_kb, "glass", "hall", "office", worked=4, failed=3)
+    expected = costs(fresh_kb.plan(costs="history"))["(cost-of-Pass glass hall office)"]
+
+    def reading(state: Any) -> Any:
+        found = read_task(state)
+        monkeypatch.setattr(search, "read_task", read_task)
+        as_actor(fresh_kb, "eraser").erase("steel", reason="asked")
+        as_actor(fresh_kb, "eraser").erase("glass", reason="asked")
+        return found
+
+    monkeypatch.setattr(search, "read_task", reading)
+    found = costs(fresh_kb.plan(costs="history"))
+    assert found["(cost-of-Pass erased-2 hall office)"] == expected
 
 
 @pytest.mark.more

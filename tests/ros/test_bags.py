@@ -296,6 +296,53 @@ def test_an_interrupted_import_goes_on(tmp_path: Path, monkeypatch: pytest.Monke
         assert [moment for moment, _ in told(kb)] == [later(0), *map(later, range(2, 9))]
 
 
+def test_imports_at_the_same_time_make_each_revision_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = Bag()
+    bag.revision(0, 1, ("+", "predicate", "(idle)"))
+    for number in range(2, 9):
+        bag.revision(number, number, ("+-"[number % 2], "fact", "(idle)"))
+    path, replay, others = bag.close(tmp_path), bags._replay, list[Imported]()
+    with kant_sql.connect(f"sqlite:///{tmp_path / 'store.db'}") as kb:
+        read = bags._read
+
+        def replaying(kb: kant_sql.KnowledgeBase, revision: Any) -> None:
+            replay(kb, revision)
+            monkeypatch.setattr(bags, "_replay", replay)
+
+        def reading(*given: Any) -> Any:
+            for said in read(*given):
+                yield said
+                if bags._replay is replay and not others:
+                    others.append(Imported(0, 0, 0, 0))
+                    others[0] = import_bag(kb, path)
+
+        monkeypatch.setattr(bags, "_replay", replaying)
+        monkeypatch.setattr(bags, "_read", reading)
+        assert import_bag(kb, path) == Imported(messages=8, revisions=1, refused=0, known=8)
+        assert others == [Imported(messages=8, revisions=7, refused=0, known=1)]
+        assert kb.revision == 8
+
+
+def test_an_import_counts_its_own_revisions(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = Bag()
+    bag.revision(0, 1, ("+", "predicate", "(idle)"))
+    bag.revision(1, 2, ("+", "fact", "(idle)"))
+    path, read = bag.close(tmp_path), bags._read
+    with kant_sql.connect("sqlite://") as kb:
+
+        def reading(*given: Any) -> Any:
+            for said in read(*given):
+                yield said
+                kb.types.save(f"of-another-{kb.revision}")
+
+        monkeypatch.setattr(bags, "_read", reading)
+        assert import_bag(kb, path) == Imported(messages=2, revisions=2, refused=0, known=0)
+
+
 def test_what_is_no_bag_of_the_node_is_refused(tmp_path: Path) -> None:
     bag = Bag()
     bag.write(BEGUN, "/chatter", "std_msgs/msg/String", bag.make("std_msgs/msg/String", "hello"))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from typing import Any, NamedTuple
 
@@ -82,7 +82,9 @@ class Wanted(NamedTuple):
     name: str | None
     also: tuple[str, ...]  # parts of revisions to erase if they contain the name
     said: Mapping[int, tuple[str, ...]]  # parts of some revisions
-    is_by_rule: bool = False  # chosen by a rule, not by its text, which may be used again
+    # Parts chosen by rules, not by their texts, which may be used again. It is called under the
+    # lock: another call may have erased them.
+    by_rule: Callable[[Session, int], Mapping[int, tuple[str, ...]]] | None = None
 
 
 def erase(
@@ -308,7 +310,7 @@ class Eraser:
     def _said(self, pseudonym: str, name: str | None) -> dict[int, dict[str, str]]:
         """Find the parts of revisions to erase."""
         session, kb, wanted = self._session, self._kb, self._wanted
-        asked = {**wanted.said}
+        asked = {**(wanted.said if wanted.by_rule is None else wanted.by_rule(session, kb))}
         if name is not None:
             for label in wanted.also:
                 for pattern in patterns_of(session, name):
@@ -326,7 +328,7 @@ class Eraser:
             metadata = links[number].metadata
             given = {label: getattr(metadata, label) for label in labels}
             own = [label for label, text in given.items() if text is not None]
-            for label in () if wanted.is_by_rule or name else own:
+            for label in () if wanted.by_rule or name else own:
                 self._refuse_telling(given[label])
             if own:
                 said[number] = said_in_place(pseudonym, own)

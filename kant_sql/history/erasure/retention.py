@@ -178,8 +178,7 @@ def retain(
                     found[number].add(label)
         return {number: tuple(sorted(found[number])) for number in sorted(found)}
 
-    said = store.query(find)
-    if not said:
+    if not store.query(find):
         return Erased(None, None, "", 0, 0, 0)
-    wanted = Wanted(None, (), said, is_by_rule=True)
+    wanted = Wanted(None, (), {}, by_rule=find)
     return run_erasure(store, wanted, False, actor, reason or "rules of retention", archive)

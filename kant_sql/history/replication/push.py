@@ -87,12 +87,14 @@ class _Push:
     _stack: ExitStack
     _archive: ReplicationSide | None = None
     _batches: Batches = field(default_factory=Batches)
+    # The target's last revision under its first lock: another push may have come before.
+    _before: int | None = None
 
     def run(self, progress: Progress | None, is_stopped: Callable[[], bool]) -> Pushed:
         """Compare the heads, and send batches until the target has all revisions of the source."""
         # One statement on each side, once the ids are known.
         here, there = self._retrying(lambda: (read_head(self._source), read_head(self._target)))
-        before, at = there.revision, there.revision
+        at = there.revision
         is_same = (there.revision, there.hash) == (here.revision, here.hash)
         # A knowledge base that is not a replica may be ahead; the check refuses it.
         is_replica = there.origin is not None or there.revision == 0
@@ -103,6 +105,7 @@ class _Push:
                 progress(min(at, here.revision), here.revision)
         remaining = wipe(self._target.backend) if self._batches.erasures else ()
         versions = self._batches.versions
+        before = there.revision if self._before is None else self._before
         return Pushed(self._target.backend.label, before, at, here.revision, versions, remaining)
 
     def _retrying(self, work: Callable[[], T]) -> T:
@@ -126,6 +129,7 @@ class _Push:
             here = read_state(reader, self._source.find(reader))
             stores = Stores(reader, self._source.kb_id or 0, session, target_kb)
             self._check(stores, here, head)
+            self._before = head.revision if self._before is None else self._before
             if head.revision >= here.revision:
                 self._adopt(stores, here, head)
                 return here, head.revision, True

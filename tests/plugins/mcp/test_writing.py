@@ -9,6 +9,7 @@ import pytest
 
 import kant_sql
 from kant_sql.errors import ReadOnlyError
+from kant_sql.web import writing as web_writing
 from kant_sql.web.stores import OpenStore
 from tests.plugins.mcp.test_reading import asked, url
 from tests.support.processes.commands import command, complaint
@@ -16,6 +17,7 @@ from tests.support.processes.commands import command, complaint
 pytest.importorskip("mcp", reason="needs the extra mcp")
 from mcp import Client, StdioServerParameters
 
+from kant_sql_plugins.mcp import writing
 from kant_sql_plugins.mcp.server import make_server
 from kant_sql_plugins.mcp.writing import Writing
 
@@ -134,12 +136,28 @@ def test_a_rule_that_goes_ends_writing(url: str) -> None:
     with kant_sql.connect(url, knowledge_base="ward") as kb:
         kb.rules.save("one-place", RULE, on_violation="refuse")
         written = OpenStore(url, read_only=False)
-        writing = Writing(written, "checked", None, "mcp")
+        server = Writing(written, "checked", None, "mcp")
         kb.rules.save("one-place", RULE, on_violation="report")
         with pytest.raises(ReadOnlyError, match="keeps no rule that refuses"):
-            writing.of_kb(None, lambda kb: kb.propositions.delete("(open)"))
+            server.of_kb(None, lambda kb: kb.propositions.delete("(open)"))
         written.close()
         assert kb.holds("(open)")
+
+
+def test_a_rule_that_goes_during_a_call_ends_it(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    with kant_sql.connect(url, knowledge_base="ward") as kb:
+        kb.rules.save("one-place", RULE, on_violation="refuse")
+        revision, facts = state_of(url)
+
+        def written(*given: Any) -> Any:
+            kb.rules.delete("one-place")
+            return begun(*given)
+
+        begun = web_writing.write
+        monkeypatch.setattr(writing, "write", written)
+        (refused,) = write(url, "checked", ("write_facts", {"reason": "x", "delete": ["(open)"]}))
+        assert "keeps no rule that refuses" in refused.content[0].text
+    assert state_of(url) == (revision + 1, facts)
 
 
 REFUSED: list[tuple[list[str], int, str]] = [
