@@ -399,9 +399,10 @@ class PostgresqlSession(Session):
 
         lock_schema(run)
 
-    def _commit(self, changed: int | None) -> None:
+    def commit(self, changed: int | None = None) -> None:
+        """Commit the transaction, and notify of a new revision."""
         if changed is None:
-            super()._commit(None)
+            super().commit()
             return
         try:
             # In one message, as two statements: the second has a transaction of its own.
@@ -428,12 +429,12 @@ class PostgresqlSession(Session):
     def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
         """Yield a query's rows from a server-side cursor."""
         connection: Any = self._pooled.driver_connection
-        sql = query.text(self.backend.dialect)
+        sql, given = self.for_driver(query.text(self.backend.dialect), parameters)
         started = time.perf_counter()
         try:
             with connection.cursor(name=f"kant_sql_stream_{next(_STREAMS)}") as cursor:
                 source = self._guarded(cursor)
-                source.execute(sql, parameters)
+                source.execute(sql, given)
                 log_statement(sql, started)
                 is_over = False
                 while not is_over:

@@ -286,13 +286,13 @@ class SqliteSession(Session):
 
     def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
         """Yield a query's rows from a separate cursor."""
-        sql = query.text(self.backend.dialect)
+        sql, given = self.for_driver(query.text(self.backend.dialect), parameters)
         cursor: Any = self._cursor
         if not self.is_abandoned:
             cursor = self._guarded(self._pooled.cursor())
         started = time.perf_counter()
         try:
-            cursor.execute(sql, parameters)
+            cursor.execute(sql, given)
             log_statement(sql, started)
             while rows := cursor.fetchmany(FETCH_SIZE):
                 yield from rows
@@ -367,9 +367,10 @@ class FileSession(SqliteSession):
             self._file.check_log()
         super().begin(write)
 
-    def _commit(self, changed: int | None) -> None:
+    def commit(self, changed: int | None = None) -> None:
+        """Commit the transaction to a file that is still in its place."""
         self._file.check()
-        super()._commit(changed)
+        super().commit(changed)
         self._file.check_committed()
 
     def close(self) -> None:
@@ -434,8 +435,9 @@ class MemorySession(SqliteSession):
         if not self._is_nested:
             super().begin(write)
 
-    def _commit(self, changed: int | None) -> None:
-        super()._commit(changed)
+    def commit(self, changed: int | None = None) -> None:
+        """Commit the transaction, and wake those who wait for it."""
+        super().commit(changed)
         self._commits.notify()
 
     def rollback(self) -> None:
