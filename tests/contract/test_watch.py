@@ -14,7 +14,7 @@ from kant_sql import KnowledgeBase, ReadOnlyError, StoreError, UnknownRevisionEr
 from kant_sql.errors import InvalidTimeoutError, StoreIntegrityError
 from kant_sql.history import follow as watching
 from kant_sql.sql.dialects import postgresql, postgresql_sharing
-from kant_sql.sql.dialects.postgresql import PostgresqlSession
+from kant_sql.sql.dialects.base import Session
 from tests.support.faults import on_file, on_server, terminate
 from tests.support.processes.forks import fork_beside_a_watching_thread
 from tests.support.processes.watchers import Waiting, open_files, waiting, write_many
@@ -260,16 +260,16 @@ def test_a_notification_that_fails_does_not_undo_what_is_committed(
 def test_a_commit_that_is_refused_is_no_notification_that_failed(
     monkeypatch: pytest.MonkeyPatch, tiago: KnowledgeBase
 ) -> None:
-    commit = PostgresqlSession.commit
+    commit = Session.commit
 
-    def commit_too_much(session: PostgresqlSession, changed: int | None = None) -> None:
+    def commit_too_much(session: Session, changed: int | None = None) -> None:
         session._execute(
             "INSERT INTO archive (kb_id, id, since, revision, target, versions, rest, text)"
             " VALUES (1, 999, 999, 1, 'x', 0, 'x', 'x')"
         )
         commit(session, changed)
 
-    monkeypatch.setattr(PostgresqlSession, "commit", commit_too_much)
+    monkeypatch.setattr(Session, "commit", commit_too_much)
     with pytest.raises(StoreIntegrityError, match="nothing was written"):
         save(tiago, 1)
     assert tiago.revision == 1

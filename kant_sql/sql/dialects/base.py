@@ -315,6 +315,9 @@ class Session(ABC):
 
     def commit(self, changed: int | None = None) -> None:
         """Commit the transaction; `changed` is the knowledge base with a new revision."""
+        self._commit(changed)
+
+    def _commit(self, changed: int | None) -> None:
         self._execute("COMMIT")
 
     def rollback(self) -> None:

@@ -399,10 +399,9 @@ class PostgresqlSession(Session):
 
         lock_schema(run)
 
-    def commit(self, changed: int | None = None) -> None:
-        """Commit the transaction, and notify of a new revision."""
+    def _commit(self, changed: int | None) -> None:
         if changed is None:
-            super().commit()
+            super()._commit(None)
             return
         try:
             # In one message, as two statements: the second has a transaction of its own.

@@ -367,10 +367,9 @@ class FileSession(SqliteSession):
             self._file.check_log()
         super().begin(write)
 
-    def commit(self, changed: int | None = None) -> None:
-        """Commit the transaction to a file that is still in its place."""
+    def _commit(self, changed: int | None) -> None:
         self._file.check()
-        super().commit(changed)
+        super()._commit(changed)
         self._file.check_committed()
 
     def close(self) -> None:
@@ -435,9 +434,8 @@ class MemorySession(SqliteSession):
         if not self._is_nested:
             super().begin(write)
 
-    def commit(self, changed: int | None = None) -> None:
-        """Commit the transaction, and wake those who wait for it."""
-        super().commit(changed)
+    def _commit(self, changed: int | None) -> None:
+        super()._commit(changed)
         self._commits.notify()
 
     def rollback(self) -> None:
