@@ -94,8 +94,9 @@ def question(
 ) -> Question:
     """Begin a question about a state."""
     size = Size(estimates_of(view.definitions), view.session, view.kb_id)
-    words = view.session.words
-    return Question(words, view.definitions, view.at is not None, numbers, size, rules)
+    own = view.session.words, view.definitions, view.at is not None
+    rules = rules_of(view.definitions) if rules is None else rules
+    return Question(*own, size, rules, frozenset(numbers))
 
 
 def find_object(definitions: Definitions, given: Binding, role: str = "") -> ObjectDefinition:
