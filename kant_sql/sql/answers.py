@@ -97,7 +97,7 @@ class Question(ConditionCompiler):
 
         A row has the objects of the variables in `places`, among others.
         """
-        relation = self.words.rows("touched", width)
+        relation = self.words.loops.rows("touched", width)
         truth = self.truth(part, {slot: f"touched.c{n}" for slot, n in places.items()})
         return self.statement(
             f"SELECT touched.place FROM {relation} AS touched WHERE {truth} LIMIT 1"

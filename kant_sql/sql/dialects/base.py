@@ -38,7 +38,7 @@ from ...errors import (
 from ...limits import LIMIT, PATIENCE, GuardedCursor, Limit, StatementGuard
 from ..query import IdsQuery, Insert, Query, insert_text, raw
 from .structure import IndexFault, Statement, ViewDialect
-from .words import RAW, Words
+from .words import RAW, NestedLoops, Words
 
 Row = tuple[Any, ...]
 
@@ -239,6 +239,11 @@ class Session(ABC):
         """The words of generated conditions for the tables or the overlay."""
         words = self.backend.words
         return words if self.overlay is None else words._replace(is_one_state=True)
+
+    @property
+    def loops(self) -> NestedLoops:
+        """The words of joins in a fixed order."""
+        return self.backend.words.loops
 
     @contextmanager
     def overlaid(self, overlay: Overlay) -> Iterator[None]:

@@ -97,7 +97,7 @@ from .structure import (
     parenthesized,
     parse_statement,
 )
-from .words import SQLITE_WORDS, UNSOUGHT, add_functions
+from .words import SQLITE_WORDS, add_functions
 
 _OBJECTS = """
 SELECT type, name, tbl_name, sql FROM sqlite_master WHERE sql IS NOT NULL
@@ -218,7 +218,7 @@ def _among(element: InList | InRows, compiler: Any, **options: Any) -> str:
     return f"({''.join(parts)})" if bounded else parts[0]
 
 
-write_as(Unsought, UNSOUGHT["sqlite"] + "{0}", "sqlite")
+write_as(Unsought, SQLITE_WORDS.loops.unsought + "{0}", "sqlite")
 # A lower bound that excludes its own value: see `bounded` in `words.py`.
 write_as(InRange, "({0} > {1} - 1 AND {0} <= {2})", "sqlite")
 write_as(Listed, "json_each({0})", "sqlite")
