@@ -455,7 +455,8 @@ class Asking:
         rows = asked(view, statement, given, OF_ANSWERS)
         # Without a head, there is no row for it.
         found = [row[1 : len(prepared.columns) + 1] for row in rows[view.kb_id is not None :]]
-        names = view.definitions.objects.names(set().union(*found))
+        live = view.definitions.objects.live
+        names = {id_: live(id_).name for id_ in set().union(*found)}
         return [tuple(map(names.__getitem__, ids)) for ids in found]
 
     def sql(self, view: View) -> str:
