@@ -654,8 +654,8 @@ class Backend(ABC):
         """Return whether there is a database, if connecting would create it."""
         return True
 
-    def remove(self, mark: Query) -> bool:
-        """Remove the database unless it is in use, or `mark` finds a row in it."""
+    def remove(self) -> bool:
+        """Remove the database unless it is in use, or has a revision."""
         return False
 
     def wipe(self) -> tuple[str, ...]:

@@ -914,14 +914,14 @@ class SqliteBackend(Backend):
             pass
         return True
 
-    def remove(self, mark: Query) -> bool:
-        """Remove the file unless it is in use, or `mark` finds a row in it."""
+    def remove(self) -> bool:
+        """Remove the file unless it is in use, or has a revision."""
         if self.in_memory or not self.exists():
             return False
         with NO_FORK:
-            return self._remove(mark)
+            return self._remove()
 
-    def _remove(self, mark: Query) -> bool:
+    def _remove(self) -> bool:
         try:
             connection = self.connect()
         except (sqlite3.Error, StoreError):
@@ -933,7 +933,7 @@ class SqliteBackend(Backend):
             connection.execute("PRAGMA journal_mode=DELETE")
             connection.execute("BEGIN EXCLUSIVE")
             if connection.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone() and (
-                connection.execute(mark.text(self.dialect)).fetchone()
+                connection.execute("SELECT 1 FROM revision LIMIT 1").fetchone()
             ):
                 return False
             Path(str(self.url.database)).resolve().unlink()
