@@ -266,21 +266,20 @@ def revision_hash(
 
     Without a seed, the hash has form 1.
     """
-    link = previous, knowledge_base, number, committed_at, metadata
-    if seed is not None:
-        said = [
-            None if text is None else _sealed(seed, label, text)
-            for label, text in zip(SAID, metadata[:3], strict=True)
-        ]
-        sealed = ((sign, kind, _sealed(seed, sign + kind, text)) for sign, kind, text in changes)
-        return sealed_hash(*link, said, sealed, form)
-    lines = (f'["{sign}","{kind}",{encode_basestring(text)}]' for sign, kind, text in changes)
-    texts = _json(metadata.actor), _json(metadata.reason), metadata.source or "null"
-    return _hash((*link, form), texts, lines)
-
-
-def _sealed(seed: bytes, label: str, text: str) -> str:
-    return commit_to(salt_of(seed, label, text), text)
+    link = previous, knowledge_base, number, committed_at, metadata, form
+    if seed is None:
+        lines = (f'["{sign}","{kind}",{encode_basestring(text)}]' for sign, kind, text in changes)
+        said = _json(metadata.actor), _json(metadata.reason), metadata.source or "null"
+        return _hash(link, said, lines)
+    actor, reason, source = (
+        "null" if text is None else f'"{commit_to(salt_of(seed, label, text), text)}"'
+        for label, text in zip(SAID, metadata[:3], strict=True)
+    )
+    lines = (
+        f'["{sign}","{kind}","{commit_to(salt_of(seed, sign + kind, text), text)}"]'
+        for sign, kind, text in changes
+    )
+    return _hash(link, (actor, reason, source), lines)
 
 
 def sealed_hash(
