@@ -76,14 +76,6 @@ class SqlDao:
         self._store = store
         self._at = at
 
-    @property
-    def _open_store(self) -> Store:
-        """The store; every call checks here that it is open."""
-        store = self._store
-        if store.is_closed:
-            store.refuse_closed()
-        return store
-
     def _check_writable(self) -> None:
         store = self._store
         if store.is_closed:
@@ -140,7 +132,6 @@ class SqlSavingDao(SqlDao, AnyDao[Any, Given]):
             return True
         self._check(dto)
         one: Any = dto
-        # The check before refused a closed store.
         self._store.write(lambda transaction: self._save_batch(transaction, [one]))
         return True
 
@@ -148,7 +139,7 @@ class SqlSavingDao(SqlDao, AnyDao[Any, Given]):
     def save_all(self, dtos: Iterable[Given]) -> int:
         self._check_writable()
         changed = 0
-        with self._open_store.transaction() as transaction:
+        with self._store.transaction() as transaction:
             for batch in batches(dtos):
                 for dto in batch:
                     self._check(dto)
@@ -160,15 +151,15 @@ class SqlSavingDao(SqlDao, AnyDao[Any, Given]):
     def delete(self, dto: Given) -> bool:
         self._check_writable()
         self._check(dto)
-        return self._open_store.write(lambda transaction: self._remove(transaction, dto))
+        return self._store.write(lambda transaction: self._remove(transaction, dto))
 
     @override
     def delete_all(self, dtos: Iterable[Given] | None = None) -> int:
         self._check_writable()
         if dtos is None:
-            return self._open_store.write(self._remove_all)
+            return self._store.write(self._remove_all)
         removed = 0
-        with self._open_store.transaction() as transaction:
+        with self._store.transaction() as transaction:
             for dto in iterate(dtos, "what delete_all takes", self._items):
                 self._check(dto)
                 removed += self._remove(transaction, dto)
@@ -222,7 +213,7 @@ class SqlGroundDao(SqlSavingDao[Ground], Dao[Any, Ground]):
             self._save_batch(transaction, [dto])
             return True
 
-        return self._open_store.write(save)
+        return self._store.write(save)
 
     def _of_named(
         self, kind: str, name: str, noun: str, answer: Callable[[View, int], list[T]]
@@ -237,7 +228,7 @@ class SqlGroundDao(SqlSavingDao[Ground], Dao[Any, Ground]):
                 refuse_unknown(self._store, name, kind)
             return found
 
-        return Listing(self._open_store.read(read, self._at), noun)
+        return Listing(self._store.read(read, self._at), noun)
 
     def _saving(
         self, transaction: Transaction, batch: Sequence[Ground]
@@ -665,7 +656,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
             definition = self._named(definitions, name)
             return None if definition is None else self._build(DtoBuilder(definitions), definition)
 
-        return self._open_store.read_definitions(find, self._at)
+        return self._store.read_definitions(find, self._at)
 
     @override
     def get_all(self) -> list[D]:
@@ -673,7 +664,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
             builder = DtoBuilder(definitions)
             return [self._build(builder, definition) for definition in self._all(definitions)]
 
-        return Listing(self._open_store.read_definitions(build, self._at), "element")
+        return Listing(self._store.read_definitions(build, self._at), "element")
 
     @override
     def save(self, dto: D | str | Sequence[D | str], *, cascade: bool = False) -> bool:
@@ -687,7 +678,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
         def save(transaction: Transaction) -> bool:
             return self._put(transaction, self._dto(transaction, one), cascade)
 
-        self._open_store.write(save)
+        self._store.write(save)
         return True
 
     @override
@@ -711,7 +702,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
             self._put(transaction, dto, cascade)
             return True
 
-        return self._open_store.write(save)
+        return self._store.write(save)
 
     @override
     def save_all(self, dtos: Iterable[D | str]) -> int:
@@ -720,7 +711,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
     def _save_many(self, given: Iterable[D | str], cascade: bool) -> int:
         self._check_writable()
         changed = 0
-        with self._open_store.transaction() as transaction:
+        with self._store.transaction() as transaction:
             for batch in batches(given):
                 for each in batch:
                     self._check(each)
@@ -744,7 +735,7 @@ class SqlNamedDao(SqlDao, NamedDao[D]):
             given = [*iterate(dtos, "what delete_all takes", "an iterable of DTOs and names")]
             for each in given:
                 self._check(each)
-        return self._open_store.write(lambda transaction: self._delete(transaction, given))
+        return self._store.write(lambda transaction: self._delete(transaction, given))
 
     def _delete(self, transaction: Transaction, given: Iterable[D | str] | None) -> int:
         """Delete some elements, or all; return their number."""

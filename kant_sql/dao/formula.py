@@ -186,7 +186,7 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
 
     @override
     def get_all(self) -> list[N]:
-        return Listing(self._open_store.read_definitions(self._stored, self._at), "element")
+        return Listing(self._store.read_definitions(self._stored, self._at), "element")
 
     @override
     def save(self, formula: Given | Sequence[Given]) -> bool:
@@ -202,7 +202,7 @@ class SqlFormulaDao(SqlSavingDao[Given], FormulaDao[N, Given], Generic[N, Given]
         def insert(transaction: Transaction) -> bool:
             return not self._holds(transaction, dto) and self._save_batch(transaction, [dto]) > 0
 
-        return self._open_store.write(insert)
+        return self._store.write(insert)
 
     def _check(self, formula: object) -> None:
         """Refuse an argument that is not a formula of the section."""
@@ -329,11 +329,11 @@ class SqlGoalDao(_SqlConjunctionDao[GoalLike], GoalDao):
 
     @override
     def get_all(self) -> list[f.Formula]:
-        return Listing(self._open_store.read(read_goals, self._at), "element")
+        return Listing(self._store.read(read_goals, self._at), "element")
 
     @override
     def get_propositions(self) -> list[PddlPropositionDto]:
-        return Listing(self._open_store.read(GOALS.answer, self._at), "goal")
+        return Listing(self._store.read(GOALS.answer, self._at), "goal")
 
     def _check(self, formula: object) -> None:
         if isinstance(formula, PddlPropositionDto):
@@ -393,7 +393,7 @@ class SqlMetricDao(SqlDao, MetricDao):
             stored = read_formulas(definitions, METRIC)
             return read_formula(definitions, stored[0]) if stored else None  # type: ignore[return-value]
 
-        return self._open_store.read_definitions(read, self._at)
+        return self._store.read_definitions(read, self._at)
 
     @override
     def set(self, metric: f.Metric | str | None) -> bool:
@@ -404,7 +404,7 @@ class SqlMetricDao(SqlDao, MetricDao):
                 f"{type(metric).__name__}: {shown(metric)}"
             )
 
-        return self._open_store.write(lambda transaction: put_metric(transaction, metric))
+        return self._store.write(lambda transaction: put_metric(transaction, metric))
 
 
 def put_metric(transaction: Transaction, metric: f.Metric | str | None) -> bool:

@@ -222,7 +222,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
         self, function: FunctionReference, *, objects: Sequence[ObjectReference] = ()
     ) -> Decimal | PddlObjectDto | None:
         function, objects = fluent_of(function, objects)
-        transaction = self._open_store.current()
+        transaction = self._store.current()
         if transaction is not None and self._at is None:
             # From memory: a query would first have to write the pending changes.
             value = _value(transaction, existing_key(transaction.definitions, function, objects))
@@ -246,7 +246,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
                 self._refuse_unknown(function, objects)
             return None
 
-        return self._open_store.read(read, self._at)
+        return self._store.read(read, self._at)
 
     def _refuse_unknown(
         self, function: FunctionReference, objects: Sequence[ObjectReference]
@@ -260,7 +260,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
 
     @override
     def get_all(self) -> list[PddlFunctionValueDto]:
-        found = self._open_store.read(lambda view: _dtos(view, ALL.rows(view)), self._at)
+        found = self._store.read(lambda view: _dtos(view, ALL.rows(view)), self._at)
         return Listing(found, "element")
 
     @override
@@ -287,7 +287,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
             entry = key, text, references.value(declared, value, text)
             return transaction.values.set_many([entry]) == 1
 
-        return self._open_store.write(set_value)
+        return self._store.write(set_value)
 
     @override
     def unset(
@@ -302,7 +302,7 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
                 self._refuse_unknown(function, objects)
             return self._unset(transaction, key)
 
-        return self._open_store.write(unset)
+        return self._store.write(unset)
 
     @override
     def increase(
@@ -397,4 +397,4 @@ class SqlFunctionValueDao(SqlGroundDao[ValueLike], PddlFunctionValueDao):
             values.set(fluent, FluentValue(result))
             return Decimal(result)
 
-        return self._open_store.write(change)
+        return self._store.write(change)

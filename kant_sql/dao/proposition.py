@@ -264,7 +264,7 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
 
     @override
     def get_all(self) -> list[PddlPropositionDto]:
-        return Listing(self._open_store.read(_ALL.answer, self._at), "element")
+        return Listing(self._store.read(_ALL.answer, self._at), "element")
 
     @override
     def get_by_predicate(self, name: str) -> list[PddlPropositionDto]:
@@ -292,7 +292,7 @@ class SqlPropositionDao(SqlGroundDao[FactLike], PddlPropositionDao):
         several = isinstance(facts, Iterable) and not isinstance(facts, str | bytes)
         wanted: Any = facts if several else [facts]
         confirmed = 0
-        with self._open_store.transaction() as transaction:
+        with self._store.transaction() as transaction:
             for batch in batches(wanted):
                 for fact in batch:
                     self._check(fact)

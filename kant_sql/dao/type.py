@@ -268,7 +268,7 @@ class SqlObjectDao(SqlNamedDao[PddlObjectDto], PddlObjectDao):
                 if not types.isdisjoint(each.type_ids)
             ]
 
-        found = self._open_store.read_definitions(find, self._at)
+        found = self._store.read_definitions(find, self._at)
         if found is None:
-            refuse_unknown(self._open_store, name, "type")
+            refuse_unknown(self._store, name, "type")
         return Listing(found or (), "element")

@@ -19,7 +19,7 @@ from ..moment_text import When
 from ..sql import tables as t
 from ..sql.changes import last_until
 from ..sql.dialects.base import Session
-from ..sql.dialects.words import NESTED_LOOPS, NestedLoops, Walk
+from ..sql.dialects.words import NestedLoops, Walk
 from ..sql.lanes import LANE_SOURCES, LaneSource, value_of
 from ..sql.places import Place, place_text, read_place
 from ..sql.query import Query, constant, first_rows, integer
@@ -173,9 +173,9 @@ def _earlier(loops: NestedLoops, source: LaneSource) -> str:
 
 
 @cache
-def _before(dialect: str) -> Query:
+def _before(loops: NestedLoops) -> Query:
     # No id belongs to both a fact and a value.
-    parts = (_earlier(NESTED_LOOPS[dialect], LANE_SOURCES[kind]) for kind in (FACT, VALUE))
+    parts = (_earlier(loops, LANE_SOURCES[kind]) for kind in (FACT, VALUE))
     return Query(text(" UNION ALL ".join(parts)))
 
 
@@ -289,7 +289,7 @@ def _read_layers(
 ) -> list[list[_Layer]]:
     """Read the earlier layers under each of some sayings; later ones override."""
     found: list[list[tuple[tuple[bool, int, bool], _Layer]]] = [[] for _ in spans]
-    query = _before(session.backend.dialect.name)
+    query = _before(session.loops)
     for place, kind, *said, until in session.rows(query, kb=kb_id, said=json.dumps(spans)):
         layer, is_saying = _layer(session, *said), kind == SAYING
         if until is not None:

@@ -62,12 +62,6 @@ class Elements(Generic[D]):
             return self._delta[id_]
         return self._base.get(id_)  # type: ignore[arg-type]
 
-    def names(self, ids: Iterable[int]) -> dict[int, str]:
-        """Return the names of live elements."""
-        changed, base = self._delta, self._base
-        found = {id_: changed[id_] if id_ in changed else base.get(id_) for id_ in ids}
-        return {id_: (element or self.live(id_)).name for id_, element in found.items()}
-
     def live(self, id_: int) -> D:
         """Return the definition of a live element."""
         definition = self.get(id_)
@@ -141,10 +135,6 @@ class PendingElements(Elements[D]):
             if id_ in changes:
                 return changes[id_]
         return self._base.get(id_)  # type: ignore[arg-type]
-
-    def names(self, ids: Iterable[int]) -> dict[int, str]:
-        """Return the names of live elements, including pending ones."""
-        return {id_: self.live(id_).name for id_ in ids}
 
     def named(self, name: str) -> D | None:
         """Return a definition with its pending changes, by name."""

@@ -157,9 +157,9 @@ class SqlPlanDao(SqlDao, PlanDao):
         of_planner = planner or plan.engine or None, planner_version
         made = None
         while made is None:
-            head = head_revision(State(self._open_store))
+            head = head_revision(State(self._store))
             definition = self._define(plan, head, said, of_planner, objective, value)
-            made = self._open_store.write(partial(self._record, definition=definition, head=head))
+            made = self._store.write(partial(self._record, definition=definition, head=head))
         return made
 
     def _define(
@@ -174,7 +174,7 @@ class SqlPlanDao(SqlDao, PlanDao):
         """Check a plan, and find what to store; its id is not known yet."""
         revision = self._state_of(plan, head)
         digest, kept = self._compare(plan, revision, said)
-        metric, steps = self._open_store.read_definitions(
+        metric, steps = self._store.read_definitions(
             lambda known: (_metric(known), check_steps(known, revision, plan)), revision
         )
         measured = _objective(plan, metric, objective)
@@ -196,14 +196,14 @@ class SqlPlanDao(SqlDao, PlanDao):
 
     def _state_of(self, plan: Plan, head: int) -> int:
         """Find the revision of the state that a plan was made from."""
-        state = State(self._open_store)
+        state = State(self._store)
         at = head if plan.revision is None else plan.revision
         if at > head and plan.problem_hash is not None:
             raise PlanError(self._elsewhere(at))
         revision = state_at(state, at)
         if revision == 0:
             raise PlanError(
-                f"the plan was made from knowledge base {self._open_store.name!r} before its first "
+                f"the plan was made from knowledge base {self._store.name!r} before its first "
                 "revision; commit the knowledge that the planner needs, and plan again"
             )
         return revision
@@ -211,7 +211,7 @@ class SqlPlanDao(SqlDao, PlanDao):
     def _elsewhere(self, revision: int) -> str:
         return (
             f"the planner was not given revision {revision} of knowledge base "
-            f"{self._open_store.name!r}: the plan is of a branch, of another knowledge base or of "
+            f"{self._store.name!r}: the plan is of a branch, of another knowledge base or of "
             "the uncommitted state of a transaction; record it where it was made, plan again here, "
             "or pass the planner's input as domain_pddl and problem_pddl, and the revision of this "
             "knowledge base in the plan"
@@ -221,7 +221,7 @@ class SqlPlanDao(SqlDao, PlanDao):
         """Hash the planner's input, and find which of its texts to store."""
         for text, role in zip(said, ("domain_pddl", "problem_pddl"), strict=True):
             storable_text(text, role, PlanError)
-        written = _write_given(self._open_store, revision)
+        written = _write_given(self._store, revision)
         given = _complete(said, written)
         digest = problem_hash(given.domain, problem=given.problem)
         if plan.problem_hash not in (None, digest):
@@ -243,15 +243,15 @@ class SqlPlanDao(SqlDao, PlanDao):
                 return None  # The plan may have that name.
         if definition.revision < transaction.head.archived_revision:
             # It was moved since the problem was written.
-            refuse_archived_revision(self._open_store, definition.revision)
+            refuse_archived_revision(self._store, definition.revision)
         plan = definition._replace(id=transaction.number_plan())
         rows = plan_rows(transaction.kb_id, transaction.number, plan)
         transaction.records.add(Change(ASSERTED, PLAN, plan.text), rows)
         steps = [
-            unstarted(self._open_store.name, (plan.id, n), step.start, step.duration, step.text)
+            unstarted(self._store.name, (plan.id, n), step.start, step.duration, step.text)
             for n, step in enumerate(plan.steps)
         ]
-        return _recorded_plan(self._open_store, (plan.id, transaction.number, *plan[1:8]), steps)
+        return _recorded_plan(self._store, (plan.id, transaction.number, *plan[1:8]), steps)
 
     @override
     def get(self, id_: int) -> RecordedPlan | None:
@@ -266,7 +266,7 @@ class SqlPlanDao(SqlDao, PlanDao):
         return html.Listing(self._read(None), "plan")
 
     def _read(self, id_: int | None) -> list[RecordedPlan]:
-        store = self._open_store
+        store = self._store
         return store.read_in_snapshot(lambda view: _read_plans(store, view, id_), self._at)
 
     @override
@@ -279,7 +279,7 @@ class SqlPlanDao(SqlDao, PlanDao):
             transaction.refuse_period("the status of a step", "set it in another transaction")
             return set_outcome(transaction, step, status)
 
-        return self._open_store.write(work)
+        return self._store.write(work)
 
 
 def _status(plan: Plan) -> str | None:

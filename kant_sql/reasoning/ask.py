@@ -93,8 +93,9 @@ def question(
 ) -> Question:
     """Begin a question about a state."""
     size = Size(estimates_of(view.definitions), view.session, view.kb_id)
-    words = view.session.words
-    return Question(words, view.definitions, view.at is not None, numbers, size, rules)
+    own = view.session.words, view.definitions, view.at is not None
+    rules = rules_of(view.definitions) if rules is None else rules
+    return Question(*own, size, rules, frozenset(numbers))
 
 
 def find_object(definitions: Definitions, given: Binding, role: str = "") -> ObjectDefinition:
@@ -445,7 +446,8 @@ class Asking:
         rows = asked(view, statement, given, OF_ANSWERS)
         # Without a head, there is no row for it.
         found = [row[1 : len(prepared.columns) + 1] for row in rows[view.kb_id is not None :]]
-        names = view.definitions.objects.names(set().union(*found))
+        live = view.definitions.objects.live
+        names = {id_: live(id_).name for id_ in set().union(*found)}
         return [tuple(map(names.__getitem__, ids)) for ids in found]
 
     def sql(self, view: View) -> str:

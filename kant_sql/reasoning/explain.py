@@ -101,7 +101,7 @@ class Explainer(Explaining):
         facts, others = self._grouped(parts)
         false: set[int] = set()
         for predicate, keys in facts.items():
-            statement = self._question().held(predicate, keys)
+            statement = self._question().held_facts(predicate, keys)
             held = {row[0] for row in self._view.reader.run(statement, self._numbers)}
             false.update(at for key, places in keys.items() if key not in held for at in places)
         if others:
@@ -163,7 +163,7 @@ class Explainer(Explaining):
         atoms = (self._resolve(one) if isinstance(one, f.Atom) else r.FALSE for one in nodes)
         ends: dict[int, int] = {}
         for predicate, keys in self._grouped(atoms)[0].items():
-            statement = self._question().ended(predicate, keys)
+            statement = self._question().ended_facts(predicate, keys)
             for arguments, until in self._view.reader.run(statement, self._numbers):
                 if until is not None:
                     ends.update((place, until) for place in keys[arguments])

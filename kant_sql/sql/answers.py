@@ -10,12 +10,8 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..knowledge.definitions import Definitions
 from ..knowledge.resolved import Bound, Column, NumberOf, Part, Slot
-from ..knowledge.rules import DerivationRules, rules_of
 from .dialects.base import Row, Session
-from .dialects.words import Words
-from .estimates import Size
 from .intervals import forks_at
 from .relations import (
     ConditionCompiler,
@@ -32,30 +28,13 @@ GUARDS = 2
 _TO_JSON = json.JSONEncoder(separators=(",", ":")).encode
 
 
-class Question:
-    """Statements about one state.
-
-    `numbers` are parameters that come with each evaluation: a duration.
-    """
-
-    def __init__(
-        self,
-        words: Words,
-        definitions: Definitions,
-        is_past: bool,
-        numbers: Iterable[str] = (),
-        size: Size | None = None,
-        rules: DerivationRules | None = None,
-    ) -> None:
-        self._words = words
-        own = size, rules_of(definitions) if rules is None else rules, frozenset(numbers)
-        self._compiler = ConditionCompiler(words, definitions, is_past, *own)
+class Question(ConditionCompiler):
+    """Writes one statement about one state."""
 
     def truths(self, parts: Iterable[Part], places: Mapping[Slot, str]) -> ConditionStatement:
         """Write the statement of whether parts hold, as 0 or 1."""
-        compiler = self._compiler
-        found = [f"CASE WHEN {compiler.truth(part, places)} THEN 1 ELSE 0 END" for part in parts]
-        return compiler.statement(f"SELECT {', '.join([_GUARD, *found])}")
+        found = [f"CASE WHEN {self.truth(part, places)} THEN 1 ELSE 0 END" for part in parts]
+        return self.statement(f"SELECT {', '.join([_GUARD, *found])}")
 
     def answers(
         self, part: Part, columns: Sequence[Column], places: Mapping[Slot, str], is_limited: bool
@@ -64,7 +43,7 @@ class Question:
 
         Its first row is the head.
         """
-        select = self._select(part, columns, places)
+        select = self._answers(part, columns, places)
         width = max(len(columns), GUARDS)
         numbers = range(width)
         own = ", ".join(f"c{n}" if n < len(columns) else f"0 AS c{n}" for n in numbers)
@@ -76,7 +55,7 @@ class Question:
         )
         head += "".join(f", 0 AS c{n}" for n in range(GUARDS, width))
         sorted_by = ", ".join(str(n + 1) for n in range(width + 1))
-        return self._compiler.statement(
+        return self.statement(
             f"SELECT 0 AS part, {head} FROM head WHERE kb_id = :kb "
             f"UNION ALL SELECT 1 AS part, {own} FROM ({select}) AS answers ORDER BY {sorted_by}"
         )
@@ -85,11 +64,9 @@ class Question:
         self, part: Part, columns: Sequence[Column], places: Mapping[Slot, str], is_limited: bool
     ) -> ConditionStatement:
         """Write the statement that finds the names of those objects, for people."""
-        select = self._select(part, columns, places)
+        select = self._answers(part, columns, places)
         if not columns:
-            return self._compiler.statement(
-                f"SELECT CASE WHEN EXISTS ({select}) THEN 1 ELSE 0 END AS holds"
-            )
+            return self.statement(f"SELECT CASE WHEN EXISTS ({select}) THEN 1 ELSE 0 END AS holds")
         # No join: together with the condition's joins there might be too many tables.
         names = ", ".join(
             f"(SELECT o{n}.name FROM object AS o{n} WHERE o{n}.kb_id = :kb "
@@ -99,9 +76,7 @@ class Question:
         )
         order = ", ".join(f"answers.c{n}" for n in range(len(columns)))
         limit = " LIMIT :most" if is_limited else ""
-        return self._compiler.statement(
-            f"SELECT {names} FROM ({select}) AS answers ORDER BY {order}{limit}"
-        )
+        return self.statement(f"SELECT {names} FROM ({select}) AS answers ORDER BY {order}{limit}")
 
     def effects(
         self,
@@ -111,52 +86,47 @@ class Question:
         places: Mapping[Slot, str],
     ) -> ConditionStatement:
         """Write the statement of the objects and of exact numbers for which effects happen."""
-        compiler = self._compiler
-        selection = compiler.selection([condition], bound, places)
+        selection = self.selection([condition], bound, places)
         found = [selection.places[each.slot] for each in bound]
-        found += [compiler.value_of(number, selection.places, "value") for number in numbers]
+        found += [self.value_of(number, selection.places, "value") for number in numbers]
         distinct = "" if selection.is_distinct else "DISTINCT "
-        return compiler.statement(selection.text(f"{distinct}{', '.join(found) or '1'}"))
+        return self.statement(selection.text(f"{distinct}{', '.join(found) or '1'}"))
 
     def touched(self, part: Part, places: Mapping[Slot, int], width: int) -> ConditionStatement:
         """Write the statement of the first row of the parameter `touched` for which a part holds.
 
         A row has the objects of the variables in `places`, among others.
         """
-        relation = self._words.rows("touched", width)
-        truth = self._compiler.truth(part, {slot: f"touched.c{n}" for slot, n in places.items()})
-        return self._compiler.statement(
+        relation = self.words.loops.rows("touched", width)
+        truth = self.truth(part, {slot: f"touched.c{n}" for slot, n in places.items()})
+        return self.statement(
             f"SELECT touched.place FROM {relation} AS touched WHERE {truth} LIMIT 1"
         )
 
-    def held(self, predicate: int, keys: Iterable[str]) -> ConditionStatement:
+    def held_facts(self, predicate: int, keys: Iterable[str]) -> ConditionStatement:
         """Write the statement of which facts of a predicate hold, by their arguments."""
-        compiler = self._compiler
-        where = [*self._listed(predicate, keys), compiler.atom_holds("p")]
-        return compiler.statement(
+        where = [*self._listed(predicate, keys), self.atom_holds("p")]
+        return self.statement(
             f"SELECT p.arguments FROM proposition AS p WHERE {' AND '.join(where)}"
         )
 
-    def ended(self, predicate: int, keys: Iterable[str]) -> ConditionStatement:
+    def ended_facts(self, predicate: int, keys: Iterable[str]) -> ConditionStatement:
         """Write the statement of the revision that last retracted each fact of a predicate."""
-        until = " AND v.until <= :at" if self._compiler.is_past else ""
+        until = " AND v.until <= :at" if self.is_past else ""
         last = (
             "SELECT v.until FROM proposition_version AS v WHERE v.kb_id = :kb AND "
             f"v.proposition_id = p.id AND v.until IS NOT NULL{until} "
             "ORDER BY v.since DESC LIMIT 1"
         )
         where = " AND ".join(self._listed(predicate, keys))
-        return self._compiler.statement(
-            f"SELECT p.arguments, ({last}) FROM proposition AS p WHERE {where}"
-        )
+        return self.statement(f"SELECT p.arguments, ({last}) FROM proposition AS p WHERE {where}")
 
     def _listed(self, predicate: int, keys: Iterable[str]) -> list[str]:
-        compiler = self._compiler
-        among = self._words.in_list.format("p.arguments", compiler.list_parameter(keys))
-        return [*compiler.atom("p", predicate), among]
+        among = self.words.in_list.format("p.arguments", self.list_parameter(keys))
+        return [*self.atom("p", predicate), among]
 
-    def _select(self, part: Part, columns: Sequence[Column], places: Mapping[Slot, str]) -> str:
-        return self._compiler.rows([part], [column.bound for column in columns], places)
+    def _answers(self, part: Part, columns: Sequence[Column], places: Mapping[Slot, str]) -> str:
+        return self.rows([part], [column.bound for column in columns], places)
 
 
 class Reader(NamedTuple):

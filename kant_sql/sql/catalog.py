@@ -17,9 +17,9 @@ from ..arguments import expect, optional_call
 from ..errors import UNREADABLE, InvalidArgumentError, StoreError, printable
 from .dialects import create_backend
 from .dialects.base import Session
-from .query import Query, constant, first_rows
+from .query import Query, constant
 from .schema import check, current
-from .tables import HeadRow, KnowledgeBaseRow, RevisionRow, VerificationRow
+from .tables import HeadRow, KnowledgeBaseRow, VerificationRow
 
 
 def of_written(*columns: Any) -> Query:
@@ -35,7 +35,6 @@ def of_written(*columns: Any) -> Query:
 _EVERY_NAME = Query(select(KnowledgeBaseRow.name).order_by(KnowledgeBaseRow.id))
 # Columns that exist in every schema version: a downgrade reads them first.
 _REVISIONS = of_written(KnowledgeBaseRow.name, HeadRow.revision)
-ANY_REVISION = Query(first_rows(select(RevisionRow.number), 1))
 
 _STATES = of_written(
     *(KnowledgeBaseRow.id, KnowledgeBaseRow.name, HeadRow.revision, HeadRow.hash),
@@ -95,7 +94,7 @@ def removed_on_failure(url: str) -> Iterator[None]:
             if is_new:
                 # A cursor that a signal interrupted keeps the file in use.
                 traceback.clear_frames(error.__traceback__)
-                backend.remove(ANY_REVISION)
+                backend.remove()
             raise
 
 

@@ -16,7 +16,7 @@ from sqlalchemy import text
 
 from ..knowledge.definitions import Definitions
 from .dialects.base import Row, Session
-from .dialects.words import NESTED_LOOPS, NestedLoops, Walk, id_rows
+from .dialects.words import NestedLoops, Walk, id_rows
 from .executions import Key
 from .intervals import FIND, FIND_VALUE, forks_at
 from .query import Query
@@ -64,14 +64,14 @@ class FoundAct(NamedTuple):
 
 
 @cache
-def _counts(dialect: str) -> Query:
+def _counts(loops: NestedLoops) -> Query:
     of_action, of_object = (
         f"(SELECT count(*) FROM (SELECT 1 FROM {table} AS c WHERE c.kb_id = :kb "
         f"AND c.{column} = w.c1 LIMIT {FEW + 1}) AS few)"
         for table, column in (("execution", "action_id"), ("execution_argument", "object_id"))
     )
     counted = f"CASE WHEN w.c0 = 1 THEN {of_action} ELSE {of_object} END"
-    rows = NESTED_LOOPS[dialect].rows("ids", 2)
+    rows = loops.rows("ids", 2)
     return Query(text(f"SELECT w.c0, w.c1, {counted} FROM {rows} AS w"))
 
 
@@ -114,8 +114,8 @@ def _found_by(loops: NestedLoops, by: str, is_planned: bool) -> str:
 
 
 @cache
-def _acts(dialect: str, by: str) -> Query:
-    loops, order = NESTED_LOOPS[dialect], "v.since DESC, x.plan_id DESC, x.position DESC"
+def _acts(loops: NestedLoops, by: str) -> Query:
+    order = "v.since DESC, x.plan_id DESC, x.position DESC"
     if by in (_RANGE, _BOTH):
         return Query(text(f"{_found_by(loops, by, False)} ORDER BY {order} LIMIT :size"))
     # Plans from a state have their own index, apart from that of revisions.
@@ -138,7 +138,7 @@ def _accesses(
     many = definitions.derived.setdefault(_accesses, {(0, 0): FEW + 1})
     counts = dict(many)
     if rest := [*ids - many.keys()]:
-        query = _counts(session.backend.dialect.name)
+        query = _counts(session.loops)
         for is_action, id_, number in session.rows(query, kb=kb_id, ids=json.dumps(rest)):
             counts[is_action, id_] = number
     many.update((key, number) for key, number in counts.items() if number > FEW)
@@ -182,7 +182,7 @@ def find_acts(
                     first = max(first, low)
                 given.append(key._replace(low=low, high=high))
             most = {"size": min(size * len(keys), _ALL)} if is_range else {}
-            query = _acts(session.backend.dialect.name, access)
+            query = _acts(session.loops, access)
             rows = session.rows(query, kb=kb_id, given=json.dumps(given), **most)
             found |= {
                 FoundAct((row[1], row[2]), row[0], bool(row[3]))
@@ -208,9 +208,9 @@ class HeldVersion(NamedTuple):
 
 
 @cache
-def _versions(dialect: str, is_fact: bool) -> Query:
+def _versions(loops: NestedLoops, is_fact: bool) -> Query:
     """Read the last version of each identity up to a revision."""
-    loops, (identity, _) = NESTED_LOOPS[dialect], _ATOMS[is_fact]
+    identity, _ = _ATOMS[is_fact]
     table, own = f"{identity}_version", f"{identity}_id"
     found = loops.latest(Walk("v", table, own, "w.c0"), "w.c1")
     wanted = f"w.c0, w.c1, v.since, v.until, {_VALUE[is_fact]}"
@@ -221,9 +221,9 @@ _VALUE = {True: "NULL, NULL", False: "v.value, v.object_id"}
 
 
 @cache
-def _held(dialect: str, is_fact: bool, by: str) -> Query:
+def _held(loops: NestedLoops, is_fact: bool, by: str) -> Query:
     """Read the versions of owners at revisions; `by` is a column with an object."""
-    loops, (identity, owner) = NESTED_LOOPS[dialect], _ATOMS[is_fact]
+    identity, owner = _ATOMS[is_fact]
     own = f"v.kb_id = :kb AND v.{owner}_id = w.c0 AND v.fork = w.c1"
     own += f" AND v.{by} = w.c3" if by else ""
     own += " AND v.since + 0 <= w.c2 AND (v.until IS NULL OR v.until > w.c2)"
@@ -288,7 +288,7 @@ class PastReader:
         rows = [*asked]
         if not rows:
             return []
-        written = query(self._session.backend.dialect.name, *how)
+        written = query(self._session.loops, *how)
         return self._session.rows(written, kb=self._kb_id, wanted=json.dumps(rows), **given)
 
     def _find(self, atoms: set[Atom]) -> None:
@@ -324,8 +324,8 @@ class ChangedAtom(NamedTuple):
 
 
 @cache
-def _changed(dialect: str) -> Query:
-    loops, parts = NESTED_LOOPS[dialect], []
+def _changed(loops: NestedLoops) -> Query:
+    parts = []
     for is_fact, (identity, owner) in _ATOMS.items():
         table, id_ = f"{identity}_version", f"{identity}_id"
         after = Walk("n", table, id_, f"v.{id_}")
@@ -342,7 +342,7 @@ def _changed(dialect: str) -> Query:
 
 def changed_atoms(session: Session, kb_id: int, revisions: Iterable[int]) -> list[ChangedAtom]:
     """Read the changes of facts and values in revisions."""
-    query = _changed(session.backend.dialect.name)
+    query = _changed(session.loops)
     rows = session.rows(query, kb=kb_id, wanted=id_rows(revisions))
     found = [
         ChangedAtom(number, (bool(fact), owner, _objects(arguments)), bool(began), *rest)
@@ -355,8 +355,8 @@ def changed_atoms(session: Session, kb_id: int, revisions: Iterable[int]) -> lis
 
 
 @cache
-def _origins(dialect: str) -> Query:
-    loops, rows = NESTED_LOOPS[dialect], NESTED_LOOPS[dialect].rows("wanted", 1)
+def _origins(loops: NestedLoops) -> Query:
+    rows = loops.rows("wanted", 1)
     # With an equality, SQLite prefers the primary key, and reads the whole knowledge base.
     acts = loops.loop("v", "execution_version", "v.kb_id = :kb AND v.since BETWEEN w.c0 AND w.c0")
     loads = loops.loop("v", "document_version", "v.kb_id = :kb AND v.since BETWEEN w.c0 AND w.c0")
@@ -371,7 +371,7 @@ def find_origins(
     session: Session, kb_id: int, revisions: Collection[int]
 ) -> tuple[list[tuple[int, Key]], dict[int, str]]:
     """Find the executions that revisions name or record, and the documents they load."""
-    query = _origins(session.backend.dialect.name)
+    query = _origins(session.loops)
     rows = session.rows(query, kb=kb_id, wanted=id_rows(revisions))
     acts = [(row[0], (row[1], row[2])) for row in rows if row[1] is not None]
     return acts, {row[0]: row[3] for row in rows if row[1] is None}

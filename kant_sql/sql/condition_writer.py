@@ -631,7 +631,9 @@ class ConditionWriter(ABC):
             if found:
                 selection.sorted["v0"] = "since"
         selection.tables.append(f"{self.facts(found)} AS v0")
-        selection.where += self.versions("v0", predicate, "" if found else self.words.unsought)
+        selection.where += self.versions(
+            "v0", predicate, "" if found else self.words.loops.unsought
+        )
         columns = [f"v0.{column}" for column in ARGUMENT_COLUMNS[:arity]]
         for n in range(len(columns), arity):
             selection.tables.append(f"proposition_argument AS a{n}")

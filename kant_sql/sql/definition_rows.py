@@ -169,16 +169,11 @@ def _list_part(kind: Kind, list_: ListTable, held: Any) -> Select[Any]:
         table.c.kb_id == KB,
         *is_of_version(table, version.table, version.owner.name, which),
         # Redundant, but it keeps the index scan away from older versions.
-        table.c.since > _AFTER if held in (_newer, _newer_then) else true(),
+        table.c.since > _AFTER if held is _newer else true(),
     )
 
 
 def _newer(version: Any) -> ColumnElement[bool]:
-    """Return whether a version holds now, and did not yet at the revision `after`."""
-    return and_(version.since > _AFTER, version.until.is_(None))
-
-
-def _newer_then(version: Any) -> ColumnElement[bool]:
     """Return whether a version held at the revision `at`, and not yet at `after`."""
     return and_(version.since > _AFTER, held_at(version))
 
@@ -195,12 +190,12 @@ def _parts(held: Any) -> list[Select[Any]]:
     ]
 
 
-def _gone_parts(ended: Callable[[Any], ColumnElement[bool]]) -> Iterator[Select[Any]]:
+def _gone_parts() -> Iterator[Select[Any]]:
     """Return the parts that read what versions of each kind ended."""
     for kind, tables in KIND_TABLES.items():
         version = tables.version.table.c
         part = _part(f"{GONE}{kind}", [tables.version.owner])
-        yield part.where(version.kb_id == KB, ended(version))
+        yield part.where(version.kb_id == KB, _ended(version))
 
 
 _HEAD, _ERASURE = table_of(HeadRow).c, table_of(ErasureRow).c
@@ -220,15 +215,13 @@ _LAST_CHANGE = Query(
         )
     )
 )
-_SINCE = Query(
+_ADVANCE = Query(
     lambda: union_all(
-        *_gone_parts(lambda version: version.until > _AFTER),
+        *_gone_parts(),
         *_parts(_newer),
         _part(ERASED, [_ERASURE.since]).where(_ERASURE.kb_id == KB, _ERASURE.since > _AFTER),
     )
 )
-
-_ADVANCE = Query(lambda: union_all(*_gone_parts(_ended), *_parts(_newer_then)))
 
 
 def _last_text(version: Any) -> ColumnElement[Any]:
@@ -354,10 +347,10 @@ def last_change(session: Session, kb_id: int, at: int) -> int:
 
 
 def refresh(
-    session: Session, kb_id: int, definitions: Definitions, after: int
+    session: Session, kb_id: int, definitions: Definitions, after: int, at: int
 ) -> Definitions | None:
-    """Bring definitions up to date by reading only what has changed; None after an erasure."""
-    rows = session.rows(_SINCE, kb=kb_id, after=after)
+    """Bring definitions to the last change, like `advance`; None after an erasure."""
+    rows = session.rows(_ADVANCE, kb=kb_id, after=after, at=at)
     return None if any(row[0] == ERASED for row in rows) else evolve(definitions, rows)
 
 

@@ -20,7 +20,7 @@ from ..knowledge.canonical import time_text
 from .changes import last_until
 from .dialects.base import Row, Session
 from .dialects.containing import pattern_of
-from .dialects.words import NESTED_LOOPS, NestedLoops, Walk, id_rows
+from .dialects.words import NestedLoops, Walk, id_rows
 from .intervals import ANY_FUNCTION, ANY_PREDICATE, held_then, then
 from .query import Query, constant, first_rows, integer
 from .rows import FACT, GOAL, KB, VALUE
@@ -179,14 +179,14 @@ def _places_text(loops: NestedLoops, source: LaneSource, wanted: LaneFilter) -> 
 
 @cache
 def _lanes(
-    dialect: str, kind: str, has: LaneFilter, is_listed: bool, is_changed: bool, is_valid: bool
+    loops: NestedLoops, kind: str, has: LaneFilter, by_ids: bool, is_changed: bool, is_valid: bool
 ) -> Query:
-    loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
+    source = LANE_SOURCES[kind]
     place = f"p.{source.group}, p.arguments"
     last = _until(loops, source, "p.id", is_changed)
     conditions = f"{_places_text(loops, source, has)} AND ({place}) > (:group, :arguments)"
     tables = f"{source.relation} AS p"
-    if is_listed:
+    if by_ids:
         tables = f"{loops.rows('ids', 1)} AS listed"
         tables += loops.loop("p", source.identity, "p.kb_id = :kb AND p.id = listed.c0")
     is_there, said = f"{last} > :low", "0"
@@ -239,9 +239,11 @@ def first_said(session: Session, kb_id: int, known: int) -> datetime | None:
 
 
 @cache
-def _unchanged(dialect: str, kinds: tuple[str, ...], has: LaneFilter, is_valid: bool) -> Query:
+def _unchanged(
+    loops: NestedLoops, kinds: tuple[str, ...], has: LaneFilter, is_valid: bool
+) -> Query:
     """Build the query of how many lanes never changed, among so many of each kind."""
-    loops, counts = NESTED_LOOPS[dialect], []
+    counts = []
     for kind in kinds:
         source = LANE_SOURCES[kind]
         tables, place = f"{source.relation} AS p", f"p.{source.group}, p.arguments"
@@ -305,8 +307,8 @@ def value_of(alias: str) -> str:
 
 
 @cache
-def _spans(dialect: str, kind: str) -> Query:
-    loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
+def _spans(loops: NestedLoops, kind: str) -> Query:
+    source = LANE_SOURCES[kind]
     before = loops.last(source.walk("l", "wanted.c0"), "wanted.c1", "l.since")
     walked = loops.walk(source.walk("v", "wanted.c0"), f"coalesce({before}, 0)", "wanted.c2")
     values = f", {value_of('v')}, v.number"
@@ -337,8 +339,8 @@ def _number_of(source: LaneSource, loops: NestedLoops) -> str:
 
 
 @cache
-def _cells(dialect: str, kind: str) -> Query:
-    loops, source = NESTED_LOOPS[dialect], LANE_SOURCES[kind]
+def _cells(loops: NestedLoops, kind: str) -> Query:
+    source = LANE_SOURCES[kind]
     began = _began(loops, source, "wanted.c0", "slice.c0", "slice.c1")
     numbers = _number_of(source, loops) if source.has_values else ""
     return Query(
@@ -366,7 +368,7 @@ class LaneReader:
     _valid: ValidRange | None = None  # the window on the clock of valid times, if that is asked for
 
     def __post_init__(self) -> None:
-        self._dialect = self._session.backend.dialect.name
+        self._loops = self._session.loops
         low, high = self._bounds
         self._window = {"kb": self._kb_id, "low": low, "high": high}
 
@@ -375,7 +377,7 @@ class LaneReader:
 
         At most `most` lanes of each kind are looked at; the flag says whether there were more.
         """
-        query = _unchanged(self._dialect, (*kinds,), _has(self._wanted), self._valid is not None)
+        query = _unchanged(self._loops, (*kinds,), _has(self._wanted), self._valid is not None)
         given = {**self._given(), **self._times(), "settled": settled, "most": most + 1}
         row = self._session.first(query, **self._window, **given)
         return (0, False) if row is None else (int(row[0] or 0), (row[1] or 0) > most)
@@ -406,7 +408,7 @@ class LaneReader:
             given["ids"] = id_rows(ids)
         shape = ids is not None, settled is not None, bool(times)
         given |= {**times, **after._asdict(), "most": most, "enough": enough}
-        query = _lanes(self._dialect, kind, _has(wanted), *shape)
+        query = _lanes(self._loops, kind, _has(wanted), *shape)
         rows = self._session.rows(query, **self._window, **given)
         return [
             FoundLane(id_, LanePlace(group, arguments), *rest)
@@ -454,7 +456,7 @@ class LaneReader:
 
     def spans(self, kind: str, spans: Sequence[LaneSpan]) -> list[FoundVersion]:
         """Read the versions of some spans, in one statement; in order within each span."""
-        query, listed = _spans(self._dialect, kind), json.dumps(spans)
+        query, listed = _spans(self._loops, kind), json.dumps(spans)
         rows: list[Row] = self._session.rows(query, kb=self._kb_id, spans=listed)
         return sorted((FoundVersion(*row) for row in rows), key=lambda found: found[:2])
 
@@ -466,19 +468,19 @@ class LaneReader:
         A slice is the revision before it, and its last one.
         """
         given = {"lanes": id_rows(lanes), "slices": json.dumps(slices), "enough": enough}
-        query = _cells(self._dialect, kind)
+        query = _cells(self._loops, kind)
         return [Cell(*row) for row in self._session.rows(query, kb=self._kb_id, **given)]
 
 
 @cache
-def _numbers_at(dialect: str) -> Query:
+def _numbers_at(loops: NestedLoops) -> Query:
     found = last_until(literal_column("wanted.moment"))
-    wanted = text(f"{NESTED_LOOPS[dialect].times('moments')} AS wanted")
+    wanted = text(f"{loops.times('moments')} AS wanted")
     return Query(select(literal_column("wanted.place"), found).select_from(wanted))
 
 
 def revisions_at(session: Session, kb_id: int, moments: Sequence[datetime]) -> list[int]:
     """Read the last revision up to each of some times, in one statement; 0 before the first."""
     texts = json.dumps([time_text(moment) for moment in moments])
-    rows = session.rows(_numbers_at(session.backend.dialect.name), kb=kb_id, moments=texts)
+    rows = session.rows(_numbers_at(session.loops), kb=kb_id, moments=texts)
     return [number or 0 for _, number in sorted(rows)]

@@ -30,7 +30,7 @@ from sqlalchemy import (
 from ..errors import reading_rows
 from ..knowledge.definitions import DECLARED, DERIVED_PREDICATE, Definitions
 from .dialects.base import Row, Session
-from .dialects.words import NESTED_LOOPS, UNSOUGHT, NestedLoops, Walk, id_rows
+from .dialects.words import NestedLoops, Walk, id_rows
 from .intervals import forks_at
 from .query import Query, found_rows, in_list, in_rows, integer
 from .rows import KB, held_at
@@ -105,8 +105,7 @@ def _facts_text(loops: NestedLoops, shape: str, place: int, are_facts: bool) -> 
 
 
 @cache
-def _facts(dialect: str, shapes: tuple[str, ...], are_facts: bool) -> Query:
-    loops = NESTED_LOOPS[dialect]
+def _facts(loops: NestedLoops, shapes: tuple[str, ...], are_facts: bool) -> Query:
     parts = [_facts_text(loops, shape, place, are_facts) for place, shape in enumerate(shapes)]
     return Query(text(" UNION ALL ".join(parts)))
 
@@ -130,7 +129,7 @@ def find_facts(
             parameters[f"object{place}"] = known[0]
             parameters[f"position{place}"] = objects.index(known[0])
     found: list[list[FoundFact]] = [[] for _ in patterns]
-    query = _facts(session.backend.dialect.name, tuple(map(_shape, patterns)), are_facts)
+    query = _facts(session.loops, tuple(map(_shape, patterns)), are_facts)
     for place, id_, arguments, versions in session.rows(query, **parameters):
         own = tuple([int(one) for one in arguments.split()])
         if patterns[place].matches(own):
@@ -150,8 +149,7 @@ class Overlap(NamedTuple):
 
 
 @cache
-def _overlaps(dialect: str, count: int) -> Query:
-    loops = NESTED_LOOPS[dialect]
+def _overlaps(loops: NestedLoops, count: int) -> Query:
     since, until = ":before", ":after"
     tables, where = f"{loops.rows('facts', count)} AS wanted", []
     for n in range(count):
@@ -169,7 +167,7 @@ def find_overlaps(
     session: Session, kb_id: int, facts: Sequence[Sequence[int]], low: int, high: int
 ) -> list[Overlap]:
     """Find the intervals in which combinations of as many facts held together in a range."""
-    query = _overlaps(session.backend.dialect.name, len(facts[0]))
+    query = _overlaps(session.loops, len(facts[0]))
     bounds = {"before": low - 1, "low": low, "after": high + 1}
     rows = session.rows(query, kb=kb_id, facts=json.dumps(facts), **bounds)
     return [Overlap(*row) for row in rows]
@@ -364,8 +362,7 @@ _TIME = (
 
 
 @cache
-def _touches(dialect: str, places: tuple[int, ...], is_narrow: bool, is_timed: bool) -> Query:
-    loops = NESTED_LOOPS[dialect]
+def _touches(loops: NestedLoops, places: tuple[int, ...], is_narrow: bool, is_timed: bool) -> Query:
     parts = []
     for place in places:
         part, wanted = PARTS[place], f"{loops.rows(f'which{place}', 1)} AS wanted"
@@ -387,8 +384,7 @@ def _touches(dialect: str, places: tuple[int, ...], is_narrow: bool, is_timed: b
 
 
 @cache
-def _state(dialect: str, places: tuple[int, ...]) -> Query:
-    loops = NESTED_LOOPS[dialect]
+def _state(loops: NestedLoops, places: tuple[int, ...]) -> Query:
     parts = []
     for place in places:
         part, tables = PARTS[place], f"{loops.rows(f'which{place}', 1)} AS wanted"
@@ -397,7 +393,7 @@ def _state(dialect: str, places: tuple[int, ...]) -> Query:
             # See `intervals.py`: the index of an owner's versions goes on with the fork.
             tables += f" CROSS JOIN {loops.rows('forks', 1)} AS forked"
             which += " AND v.fork = forked.c0"
-        began = f"{UNSOUGHT[dialect] if part.by_owner else ''}v.since <= :at"
+        began = f"{loops.unsought if part.by_owner else ''}v.since <= :at"
         which += f" AND {began} AND (v.until IS NULL OR v.until > :at)"
         leading = part.select("v.since AS revision, 0 AS is_end")
         parts.append(f"{leading} FROM {tables}{loops.loop('v', part.table, which)}")
@@ -421,7 +417,7 @@ def state_of(session: Session, kb_id: int, which: Subjects, at: int) -> Iterator
         return iter(())
     if not {0, 2}.isdisjoint(places):
         values["forks"] = id_rows(forks_at(at))
-    query = _state(session.backend.dialect.name, places)
+    query = _state(session.loops, places)
     return map(touch_of, session.rows(query, **values, at=at))
 
 
@@ -450,7 +446,7 @@ def _stream(
         return iter(())
     # Changes of a short range are found by revision, those of most of the past by predicate.
     is_narrow = (high - after) * NARROW < high
-    query = _touches(session.backend.dialect.name, places, is_narrow, is_timed)
+    query = _touches(session.loops, places, is_narrow, is_timed)
     return session.stream(query, **values, after=after, high=high)
 
 

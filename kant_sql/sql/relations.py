@@ -468,7 +468,7 @@ class ConditionCompiler(JoinWriter):
     def listed(self, predicate: int, parameter: str) -> str:
         """Return the relation of the facts of a predicate that a parameter has."""
         declared = self.definitions.predicates.live(predicate).parameters
-        return self.words.rows(parameter, len(declared))
+        return self.words.loops.rows(parameter, len(declared))
 
 
 def _conjuncts(part: r.Part) -> Iterator[r.HoldsFact]:

@@ -19,7 +19,7 @@ from sqlalchemy import text
 
 from ..errors import reading_rows
 from .dialects.base import Session
-from .dialects.words import NESTED_LOOPS
+from .dialects.words import NestedLoops
 from .periods import PARTS, Subjects, Touch, parameters_of, state_of, stream_timed_touches, touch_of
 from .query import Query
 
@@ -78,8 +78,8 @@ _SAID = {True: "NOT v.holds", False: "v.value IS NULL AND v.object_id IS NULL"}
 
 
 @cache
-def _sayings(dialect: str, places: tuple[int, ...]) -> Query:
-    loops, parts = NESTED_LOOPS[dialect], []
+def _sayings(loops: NestedLoops, places: tuple[int, ...]) -> Query:
+    parts = []
     for place in places:
         part, wanted = PARTS[place], f"{loops.rows(f'which{place}', 1)} AS wanted"
         is_end = f"CASE WHEN {_SAID[part.identity == 'proposition']} THEN 1 ELSE 0 END AS is_end"
@@ -103,7 +103,7 @@ def _read_sayings(
     if not places:
         return {}, Subjects()
     ends = {name: session.from_time(getattr(span, name)) for name in ("since", "until")}
-    query = _sayings(session.backend.dialect.name, places)
+    query = _sayings(session.loops, places)
     found: defaultdict[Key, list[Saying]] = defaultdict(list)
     ids: dict[bool, set[int]] = {True: set(), False: set()}
     for row in session.rows(query, **values, **ends, known=span.known):

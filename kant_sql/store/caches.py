@@ -175,7 +175,8 @@ class DefinitionCache:
             # Before an archive, the tables no longer show later ends. A cache may be ahead of a
             # reader that began before another thread's commit.
             return self.load(session, kb_id)
-        definitions = refresh(session, kb_id, snapshot.definitions, snapshot.definition_revision)
+        known = snapshot.definition_revision
+        definitions = refresh(session, kb_id, snapshot.definitions, known, definition_revision)
         if definitions is None:
             self.forget()
             return self.load(session, kb_id)

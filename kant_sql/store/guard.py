@@ -268,7 +268,8 @@ class TouchedRules:
                 self._refuse(trigger.forbidden, known)
 
     def _question(self, definitions: Definitions) -> Question:
-        return Question(self._reader.session.backend.words, definitions, False)
+        words = self._reader.session.backend.words
+        return Question(words, definitions, False, None, rules_of(definitions))
 
     def _refuse(self, one: Forbidden, known: Mapping[r.Slot, r.Known]) -> None:
         """Raise for the first objects for which the condition holds, if any."""

@@ -26,7 +26,6 @@ OF_ALL = {
     "kant_sql.history.anchors._HEADS",
     "kant_sql.history.replication.service._HEADS",
     "kant_sql.history.verify.structure._STRAYS",
-    "kant_sql.sql.catalog.ANY_REVISION",
     "kant_sql.sql.catalog._COMPLETE",
     "kant_sql.sql.catalog._REVISIONS",
     "kant_sql.sql.catalog._STATES",

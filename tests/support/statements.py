@@ -120,9 +120,7 @@ def seen() -> Iterator[list[Statement]]:
     execute, execute_many = Session._execute, Session._execute_many
 
     def spy(self: Session, statement: str | Query, parameters: Any = ()) -> None:
-        ran = text_of(self, statement), parameters
-        cursor: Any = self._cursor
-        statements.append(Statement(*(cursor.overlaid(*ran) if self.overlay else ran)))
+        statements.append(Statement(*self.for_driver(text_of(self, statement), parameters)))
         execute(self, statement, parameters)
 
     def spy_many(self: Session, sql: str, parameters: Sequence[Any]) -> None:

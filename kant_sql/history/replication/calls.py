@@ -19,7 +19,6 @@ from ...errors import (
     TableMissingError,
 )
 from ...knowledge.canonical import promotion_text
-from ...sql.catalog import ANY_REVISION
 from ...sql.changes import PROMOTION
 from ...sql.dialects import create_backend
 from ...sql.dialects.base import Backend, unforked
@@ -200,7 +199,7 @@ def _push(store: Store, url: str, terms: Terms, progress: Progress | None) -> Pu
         finally:
             if is_new and (done is None or not done.revision):
                 targets.forget(url)
-                file.remove(ANY_REVISION)
+                file.remove()
     return done
 
 

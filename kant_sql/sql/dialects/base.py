@@ -38,7 +38,7 @@ from ...errors import (
 from ...limits import LIMIT, PATIENCE, GuardedCursor, Limit, StatementGuard
 from ..query import IdsQuery, Insert, Query, insert_text, raw
 from .structure import IndexFault, Statement, ViewDialect
-from .words import RAW, Words
+from .words import RAW, NestedLoops, Words
 
 Row = tuple[Any, ...]
 
@@ -57,30 +57,6 @@ class Overlay(Protocol):
 
     def parameters(self, session: Session) -> dict[str, Any]:
         """Return the additional parameters."""
-
-
-class OverlayCursor:
-    """A driver's cursor whose statements read an overlay."""
-
-    def __init__(self, cursor: Any, session: Session, overlay: Overlay) -> None:
-        self._cursor = cursor
-        self._overlay = overlay
-        self._dialect, self._words = session.backend.dialect, session.backend.words
-        self._parameters = overlay.parameters(session)
-
-    def execute(self, sql: str, parameters: Any = (), /) -> Any:
-        """Run a statement."""
-        return self._cursor.execute(*self.overlaid(sql, parameters))
-
-    def overlaid(self, sql: str, parameters: Any) -> tuple[str, Any]:
-        """Return the statement and the parameters for the driver."""
-        text = self._overlay.text(sql, self._dialect, self._words)
-        if text != sql or RAW in text:
-            parameters = {**dict(parameters), **self._parameters}
-        return text, parameters
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._cursor, name)
 
 
 class AbandonedCursor:
@@ -256,9 +232,7 @@ class Session(ABC):
 
     def _guarded(self, cursor: Any) -> Any:
         """Apply the limit, if any, to another cursor of this connection."""
-        if self._guard is not None:
-            cursor = GuardedCursor(cursor, self._guard)
-        return cursor if self.overlay is None else OverlayCursor(cursor, self, self.overlay)
+        return cursor if self._guard is None else GuardedCursor(cursor, self._guard)
 
     @property
     def words(self) -> Words:
@@ -266,17 +240,27 @@ class Session(ABC):
         words = self.backend.words
         return words if self.overlay is None else words._replace(is_one_state=True)
 
+    @property
+    def loops(self) -> NestedLoops:
+        """The words of joins in a fixed order."""
+        return self.backend.words.loops
+
     @contextmanager
     def overlaid(self, overlay: Overlay) -> Iterator[None]:
         """Apply an overlay to the statements of a `with` block."""
-        plain: Any = self._cursor
-        self.overlay, self._cursor = overlay, OverlayCursor(plain, self, overlay)
+        self.overlay = overlay
         try:
             yield
         finally:
             self.overlay = None
-            if not self.is_abandoned:
-                self._cursor = plain
+
+    def for_driver(self, sql: str, parameters: Any) -> tuple[str, Any]:
+        """Return a statement and its parameters as the overlay, if any, has them."""
+        if self.overlay is not None:
+            given, sql = sql, self.overlay.text(sql, self._dialect, self.backend.words)
+            if sql != given or RAW in sql:
+                parameters = {**dict(parameters), **self.overlay.parameters(self)}
+        return sql, parameters
 
     @abstractmethod
     def _stop(self) -> None:
@@ -477,6 +461,8 @@ class Session(ABC):
         sql = statement
         if not isinstance(sql, str):
             sql = sql.texts.get(self._dialect.name) or sql.text(self._dialect)
+        if self.overlay is not None:
+            sql, parameters = self.for_driver(sql, parameters)
         if self.is_logged:
             self._logged(self._cursor.execute, sql, parameters)
             return
@@ -668,8 +654,8 @@ class Backend(ABC):
         """Return whether there is a database, if connecting would create it."""
         return True
 
-    def remove(self, mark: Query) -> bool:
-        """Remove the database unless it is in use, or `mark` finds a row in it."""
+    def remove(self) -> bool:
+        """Remove the database unless it is in use, or has a revision."""
         return False
 
     def wipe(self) -> tuple[str, ...]:

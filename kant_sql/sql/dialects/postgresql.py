@@ -437,12 +437,12 @@ class PostgresqlSession(Session):
     def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
         """Yield a query's rows from a server-side cursor."""
         connection: Any = self._pooled.driver_connection
-        sql = query.text(self.backend.dialect)
+        sql, given = self.for_driver(query.text(self.backend.dialect), parameters)
         started = time.perf_counter()
         try:
             with connection.cursor(name=f"kant_sql_stream_{next(_STREAMS)}") as cursor:
                 source = self._guarded(cursor)
-                source.execute(sql, parameters)
+                source.execute(sql, given)
                 log_statement(sql, started)
                 is_over = False
                 while not is_over:

@@ -97,7 +97,7 @@ from .structure import (
     parenthesized,
     parse_statement,
 )
-from .words import SQLITE_WORDS, UNSOUGHT, add_functions
+from .words import SQLITE_WORDS, add_functions
 
 _OBJECTS = """
 SELECT type, name, tbl_name, sql FROM sqlite_master WHERE sql IS NOT NULL
@@ -218,7 +218,7 @@ def _among(element: InList | InRows, compiler: Any, **options: Any) -> str:
     return f"({''.join(parts)})" if bounded else parts[0]
 
 
-write_as(Unsought, UNSOUGHT["sqlite"] + "{0}", "sqlite")
+write_as(Unsought, SQLITE_WORDS.loops.unsought + "{0}", "sqlite")
 # A lower bound that excludes its own value: see `bounded` in `words.py`.
 write_as(InRange, "({0} > {1} - 1 AND {0} <= {2})", "sqlite")
 write_as(Listed, "json_each({0})", "sqlite")
@@ -286,13 +286,13 @@ class SqliteSession(Session):
 
     def stream(self, query: Query, **parameters: Any) -> Iterator[Row]:
         """Yield a query's rows from a separate cursor."""
-        sql = query.text(self.backend.dialect)
+        sql, given = self.for_driver(query.text(self.backend.dialect), parameters)
         cursor: Any = self._cursor
         if not self.is_abandoned:
             cursor = self._guarded(self._pooled.cursor())
         started = time.perf_counter()
         try:
-            cursor.execute(sql, parameters)
+            cursor.execute(sql, given)
             log_statement(sql, started)
             while rows := cursor.fetchmany(FETCH_SIZE):
                 yield from rows
@@ -914,14 +914,14 @@ class SqliteBackend(Backend):
             pass
         return True
 
-    def remove(self, mark: Query) -> bool:
-        """Remove the file unless it is in use, or `mark` finds a row in it."""
+    def remove(self) -> bool:
+        """Remove the file unless it is in use, or has a revision."""
         if self.in_memory or not self.exists():
             return False
         with NO_FORK:
-            return self._remove(mark)
+            return self._remove()
 
-    def _remove(self, mark: Query) -> bool:
+    def _remove(self) -> bool:
         try:
             connection = self.connect()
         except (sqlite3.Error, StoreError):
@@ -933,7 +933,7 @@ class SqliteBackend(Backend):
             connection.execute("PRAGMA journal_mode=DELETE")
             connection.execute("BEGIN EXCLUSIVE")
             if connection.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone() and (
-                connection.execute(mark.text(self.dialect)).fetchone()
+                connection.execute("SELECT 1 FROM revision LIMIT 1").fetchone()
             ):
                 return False
             Path(str(self.url.database)).resolve().unlink()

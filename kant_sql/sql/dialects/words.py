@@ -137,10 +137,8 @@ class Words(NamedTuple):
             object, of which another condition says which.
         each: the relation of the values of a list parameter of numbers, with the column `value`. A
             planner takes it for so many that it makes an index of what is found for them.
-        rows: the relation of a parameter that holds rows of ids, as JSON, with columns `place`,
-            from 0, and `c0`, `c1` ...
+        loops: writes joins in a fixed order.
         list_text: writes a list as a literal.
-        unsought: what begins a column by which no index is to be chosen; see `Unsought`.
         is_row: the condition that columns of an index have some values, by which no other index is
             to be chosen.
         arithmetic: how decimals are calculated with.
@@ -159,9 +157,8 @@ class Words(NamedTuple):
     bounded: str
     held: tuple[str, str]
     each: str
-    rows: Callable[[str, int], str]
+    loops: NestedLoops
     list_text: Callable[[Sequence[int] | Sequence[str]], str]
-    unsought: str
     is_row: str
     arithmetic: DecimalWords
     fence: str
@@ -175,9 +172,6 @@ class Words(NamedTuple):
         "p.kb_id = :kb)) AND s.fork = ANY({forks})",
         "s.{owner}_id",
     )
-
-
-UNSOUGHT = {"sqlite": "+", "postgresql": ""}
 
 
 def _sqlite_rows(parameter: str, columns: int) -> str:
@@ -202,62 +196,6 @@ def _postgresql_list(values: Sequence[int] | Sequence[str]) -> str:
     if all(isinstance(value, int) for value in values):
         return f"CAST(ARRAY[{', '.join(map(str, values))}] AS bigint[])"
     return f"CAST(ARRAY[{', '.join(text_literal(str(value)) for value in values)}] AS text[])"
-
-
-# No version has a fork after the head.
-HEAD = "(SELECT h.revision FROM head AS h WHERE h.kb_id = :kb)"
-_KEPT = (
-    f"{{table}} AS v WHERE v.fork IN (SELECT value FROM json_each({{forks}}) WHERE value <= {HEAD})"
-)
-SQLITE_WORDS = Words(
-    "{0}.is_goal = 0",
-    "{0} IN (SELECT value FROM json_each({1}))",
-    # With statistics, SQLite 3.34 to 3.41 may step through the index to the next value of an `IN`,
-    # and then jumps over the check of an upper bound; up to 3.39 it also misses rows above a lower
-    # one. From a lower bound that excludes its own value it always seeks; that all revisions are
-    # above this one leaves the planner's estimates as they are.
-    " AND likelihood({0} > 0, 1.0)",
-    (_KEPT, _KEPT),
-    # Each `json_each` counts as 25 rows, also that of one value.
-    "(SELECT f.value FROM json_each('[0]') CROSS JOIN json_each({0}) AS f)",
-    _sqlite_rows,
-    _sqlite_list,
-    UNSOUGHT["sqlite"],
-    "({0}) = ({1})",
-    SQLITE_ARITHMETIC,
-    "",
-    # The parser has a stack of 100 entries up to SQLite 3.45; tests of types take some, too.
-    levels=40,
-    is_true="{0} = 1",
-    of_owners=(
-        "{owner} AS p CROSS JOIN json_each({forks}) AS f CROSS JOIN {table} AS s WHERE "
-        "p.kb_id = :kb AND s.{owner}_id = p.id AND s.fork = f.value",
-        "p.id",
-    ),
-)
-POSTGRESQL_WORDS = Words(
-    "NOT {0}.is_goal",
-    "{0} = ANY({1})",
-    "",
-    (
-        "{table} AS v WHERE v.fork = ANY({forks})",
-        # Only the right index has this order: without statistics others are as good.
-        f"(SELECT unnest(CAST({{forks}} AS bigint[])) AS value) AS f CROSS JOIN LATERAL "
-        "(SELECT r.* FROM {table} AS r WHERE r.kb_id = :kb AND r.fork = f.value ORDER BY r.since) "
-        f"AS v WHERE f.value <= {HEAD}",
-    ),
-    "(SELECT unnest(CAST({0} AS bigint[])) AS value)",
-    _postgresql_rows,
-    _postgresql_list,
-    UNSOUGHT["postgresql"],
-    # Without statistics an index of one column is as good as one of all; rows need that of all.
-    "({0}) >= ({1}) AND ({0}) <= ({1})",
-    POSTGRESQL_ARITHMETIC,
-    " OFFSET 0",
-    "generate_series(1, (SELECT 1))",
-    # Hashed. Where PostgreSQL expects few rows, it would join them, and compare all with each.
-    looked_up="({0}) IS TRUE",
-)
 
 
 # By dialect: the operator between a text and a pattern; see `containing.py`.
@@ -298,10 +236,12 @@ class NestedLoops:
         larger: the function of the largest of some numbers.
         smaller: the function of the smallest.
         contains: the operator between a text and a pattern; see `containing.py`.
-        rows: as of `Words`.
+        unsought: what begins a column by which no index is to be chosen; see `Unsought`.
+        rows: the relation of a parameter that holds rows of ids, as JSON, with columns `place`,
+            from 0, and `c0`, `c1` ...
     """
 
-    larger, smaller, contains = "max", "min", OPERATORS["sqlite"]
+    larger, smaller, contains, unsought = "max", "min", OPERATORS["sqlite"], "+"
     rows = staticmethod(_sqlite_rows)
 
     def times(self, parameter: str) -> str:
@@ -350,7 +290,7 @@ class _LateralLoops(NestedLoops):
     Without statistics it would otherwise hash millions of versions for a few ids.
     """
 
-    larger, smaller, contains = "greatest", "least", OPERATORS["postgresql"]
+    larger, smaller, contains, unsought = "greatest", "least", OPERATORS["postgresql"], ""
     rows = staticmethod(_postgresql_rows)
 
     @override
@@ -415,7 +355,55 @@ def id_rows(ids: Iterable[int]) -> str:
     return json.dumps([[id_] for id_ in ids])
 
 
-NESTED_LOOPS: dict[str, NestedLoops] = {
-    "sqlite": NestedLoops(),
-    "postgresql": _LateralLoops(),
-}
+# No version has a fork after the head.
+HEAD = "(SELECT h.revision FROM head AS h WHERE h.kb_id = :kb)"
+_KEPT = (
+    f"{{table}} AS v WHERE v.fork IN (SELECT value FROM json_each({{forks}}) WHERE value <= {HEAD})"
+)
+SQLITE_WORDS = Words(
+    "{0}.is_goal = 0",
+    "{0} IN (SELECT value FROM json_each({1}))",
+    # With statistics, SQLite 3.34 to 3.41 may step through the index to the next value of an `IN`,
+    # and then jumps over the check of an upper bound; up to 3.39 it also misses rows above a lower
+    # one. From a lower bound that excludes its own value it always seeks; that all revisions are
+    # above this one leaves the planner's estimates as they are.
+    " AND likelihood({0} > 0, 1.0)",
+    (_KEPT, _KEPT),
+    # Each `json_each` counts as 25 rows, also that of one value.
+    "(SELECT f.value FROM json_each('[0]') CROSS JOIN json_each({0}) AS f)",
+    NestedLoops(),
+    _sqlite_list,
+    "({0}) = ({1})",
+    SQLITE_ARITHMETIC,
+    "",
+    # The parser has a stack of 100 entries up to SQLite 3.45; tests of types take some, too.
+    levels=40,
+    is_true="{0} = 1",
+    of_owners=(
+        "{owner} AS p CROSS JOIN json_each({forks}) AS f CROSS JOIN {table} AS s WHERE "
+        "p.kb_id = :kb AND s.{owner}_id = p.id AND s.fork = f.value",
+        "p.id",
+    ),
+)
+POSTGRESQL_WORDS = Words(
+    "NOT {0}.is_goal",
+    "{0} = ANY({1})",
+    "",
+    (
+        "{table} AS v WHERE v.fork = ANY({forks})",
+        # Only the right index has this order: without statistics others are as good.
+        f"(SELECT unnest(CAST({{forks}} AS bigint[])) AS value) AS f CROSS JOIN LATERAL "
+        "(SELECT r.* FROM {table} AS r WHERE r.kb_id = :kb AND r.fork = f.value ORDER BY r.since) "
+        f"AS v WHERE f.value <= {HEAD}",
+    ),
+    "(SELECT unnest(CAST({0} AS bigint[])) AS value)",
+    _LateralLoops(),
+    _postgresql_list,
+    # Without statistics an index of one column is as good as one of all; rows need that of all.
+    "({0}) >= ({1}) AND ({0}) <= ({1})",
+    POSTGRESQL_ARITHMETIC,
+    " OFFSET 0",
+    "generate_series(1, (SELECT 1))",
+    # Hashed. Where PostgreSQL expects few rows, it would join them, and compare all with each.
+    looked_up="({0}) IS TRUE",
+)
