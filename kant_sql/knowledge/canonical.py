@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from datetime import UTC, datetime
+from functools import lru_cache
 from hashlib import sha256
 from itertools import islice
 from json.encoder import encode_basestring
@@ -271,15 +272,13 @@ def revision_hash(
         lines = (f'["{sign}","{kind}",{encode_basestring(text)}]' for sign, kind, text in changes)
         said = _json(metadata.actor), _json(metadata.reason), metadata.source or "null"
         return _hash(link, said, lines)
-    actor, reason, source = (
-        "null" if text is None else f'"{commit_to(salt_of(seed, label, text), text)}"'
-        for label, text in zip(SAID, metadata[:3], strict=True)
+    actor, reason, source, _, _ = metadata
+    sealed = (
+        _seal(seed, b"actor", actor),
+        _seal(seed, b"reason", reason),
+        _seal(seed, b"source", source),
     )
-    lines = (
-        f'["{sign}","{kind}","{commit_to(salt_of(seed, sign + kind, text), text)}"]'
-        for sign, kind, text in changes
-    )
-    return _hash(link, (actor, reason, source), lines)
+    return _hash(link, sealed, _sealed(seed, changes))
 
 
 def sealed_hash(
@@ -297,6 +296,29 @@ def sealed_hash(
     lines = (f'["{sign}","{kind}","{commitment}"]' for sign, kind, commitment in changes)
     link = previous, knowledge_base, number, committed_at, metadata, form
     return _hash(link, (actor, reason, source), lines)
+
+
+def _seal(seed: bytes, label: bytes, text: str | None) -> str:
+    """Write the commitment to a text of the metadata: `salt_of` and `commit_to` in one."""
+    if text is None:
+        return "null"
+    raw = text.encode()
+    salt = sha256(b"%b%b\0%b" % (seed, label, raw)).digest()[:SEED]
+    return f'"{sha256(salt + raw).hexdigest()}"'
+
+
+def _sealed(seed: bytes, changes: Iterable[tuple[str, str, str]]) -> Iterator[str]:
+    """Write changes with a commitment to each text: `_seal` for many."""
+    for sign, kind, text in changes:
+        label, begin = _label(sign, kind)
+        raw = text.encode()
+        salt = sha256(seed + label + raw).digest()[:SEED]
+        yield f'{begin}{sha256(salt + raw).hexdigest()}"]'
+
+
+@lru_cache
+def _label(sign: str, kind: str) -> tuple[bytes, str]:
+    return f"{sign}{kind}\0".encode(), f'["{sign}","{kind}","'
 
 
 # The hash before, the knowledge base, the number, the time, the metadata and the form.
