@@ -9,10 +9,11 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, suppress
 from datetime import datetime, timedelta
 from functools import partial
+from types import TracebackType
 from typing import Any, TypeVar
 
 from sqlalchemy import select
@@ -308,7 +309,7 @@ class Store:
         begin = partial(self._begin, self._metadata)
 
         def once() -> T:
-            with self._own(begin) as transaction:
+            with OwnTransaction(self, begin) as transaction:
                 return work(transaction)
 
         return retrying(self.backend, once)
@@ -360,26 +361,7 @@ class Store:
                 )
             return outer.joined()
         own = (metadata, expected_revision, promotes, given, is_observed)
-        return self._own(partial(retrying, self.backend, partial(self._begin, *own)))
-
-    @contextmanager
-    def _own(self, begin: Callable[[], Transaction]) -> Iterator[Transaction]:
-        """Open the block of one transaction, which is committed or rolled back at its end."""
-        lock = self.queue_up()
-        try:
-            transaction = begin()
-            try:
-                block = Block(self, self.queue, transaction)
-                try:
-                    yield transaction
-                finally:
-                    block.close()
-                self.commit(transaction)
-            finally:
-                end_session(transaction.session)
-        finally:
-            if lock is not None:
-                lock.release()
+        return OwnTransaction(self, partial(retrying, self.backend, partial(self._begin, *own)))
 
     def close(self) -> None:
         """Close it, and its connections unless others share them."""
@@ -589,3 +571,50 @@ class Store:
                 f"{self.name!r} was being committed, and the store cannot be reached ({error}); if "
                 f"it has revision {made.number} with hash {made.hash}, everything was written"
             ) from error
+
+
+class OwnTransaction(AbstractContextManager[Transaction]):
+    """The block of one transaction: it begins on entry, commits or rolls back on exit."""
+
+    __slots__ = ("_begin", "_block", "_lock", "_store", "_transaction")
+
+    _block: Block
+    _transaction: Transaction
+
+    def __init__(self, store: Store, begin: Callable[[], Transaction]) -> None:
+        self._store = store
+        self._begin = begin
+        self._lock: WriterLock | None = None
+
+    def __enter__(self) -> Transaction:
+        store = self._store
+        self._lock = lock = store.queue_up()
+        try:
+            self._transaction = transaction = self._begin()
+            try:
+                self._block = Block(store, store.queue, transaction)
+            except BaseException:
+                end_session(transaction.session)
+                raise
+        except BaseException:
+            if lock is not None:
+                lock.release()
+            raise
+        return self._transaction
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        try:
+            self._block.close()
+            if kind is None:
+                self._store.commit(self._transaction)
+        finally:
+            try:
+                end_session(self._transaction.session)
+            finally:
+                if self._lock is not None:
+                    self._lock.release()
