@@ -338,7 +338,7 @@ def test_what_nobody_closed_is_freed(common_url: str, make: Callable[[str], Know
 
 
 def used(url: str) -> None:
-    """Read, write and watch, then close."""
+    """Write and read, then close."""
     with opened(url) as kb:
         kb.types.save(PddlTypeDto("robot"))
         kb.types.delete("robot")

@@ -138,7 +138,6 @@ def test_the_originals_demo_program_runs(common_url: str, family: int) -> None:
     node.reset()
     assert node.types.get("robot") is None
     assert node.propositions.get_all() == []
-    node.factory._factory.close()
 
 
 def test_the_families_have_the_originals_numbers() -> None:
@@ -292,8 +291,6 @@ def test_two_programs_share_a_store_by_its_uri(shared_url: str) -> None:
     assert other.create_pddl_proposition_dao().get_all() == [robot_at()]
     assert other.create_pddl_object_dao().delete(WP1) is True
     assert one.create_pddl_proposition_dao().get_all() == []
-    one._factory.close()
-    other._factory.close()
 
 
 DOMAIN = """(define (domain tour) (:requirements :strips :typing)
