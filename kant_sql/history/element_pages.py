@@ -169,10 +169,10 @@ def read_object_page(
     held = read_state(state, None, StateFilter(object=name), limit=HELD).parts
     key = fold(name)
 
-    def work(session: Session, kb_id: int | None) -> ObjectPage:
-        found = None if kb_id is None else find_identities(session, kb_id, "object", {key})[key]
-        assert kb_id is not None
-        assert found is not None
+    def work(session: Session, kb_id: int) -> ObjectPage | None:
+        found = find_identities(session, kb_id, "object", {key})[key]
+        if found is None:
+            return None
         id_, spelled = found
         head = read_position(session, kb_id).head if state.at is None else state.at
         high = head if before is None else min(before - 1, head)
@@ -191,7 +191,9 @@ def read_object_page(
             own.archived,
         )
 
-    return state.store.query_in_snapshot(work)
+    page = state.store.query_known(work, None)
+    # An erasure may have come between: then no object has this name.
+    return read_object_page(state, name, before, limit) if page is None else page
 
 
 # Names and facts that a search looks through, and revisions whose actors it looks through.

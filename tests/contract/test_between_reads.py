@@ -12,8 +12,8 @@ import pytest
 from kant_sql import KnowledgeBase, Plan
 from kant_sql.acts import statistics
 from kant_sql.documents.exchange import read_task
-from kant_sql.errors import ArchivedError, PlanError
-from kant_sql.history import diff, merge
+from kant_sql.errors import ArchivedError, PlanError, UnknownNameError
+from kant_sql.history import diff, element_pages, merge
 from kant_sql.history.erasure import retention
 from kant_sql.history.replication import push
 from kant_sql.knowledge_base import state_of
@@ -272,3 +272,12 @@ def test_a_merge_refuses_changes_that_go_to_an_archive(
         after(merge, "_find", lambda other: moving.store.archive(moving.revision, to=to))
         with pytest.raises(ArchivedError, match="was moved to an archive"):
             kb.merge(trial)
+
+
+def test_a_page_of_an_object_that_is_erased_says_so(
+    kb: KnowledgeBase, after: Callable[..., None]
+) -> None:
+    after(element_pages, "read_state", lambda other: other.erase("room", reason="asked"))
+    with pytest.raises(UnknownNameError, match="'room'"):
+        element_pages.read_object_page(state_of(kb), "room")
+    assert element_pages.read_object_page(state_of(kb), "erased-1").held
