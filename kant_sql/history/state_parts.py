@@ -47,8 +47,9 @@ from ..sql.rows import (
     table_of,
 )
 from ..sql.tables import PropositionRow
+from ..store.snapshot import read_position, refuse_archived
 from ..store.state import State
-from .moments import head_revision, state_at
+from .moments import state_at
 from .revisions import Revision, read_numbered
 
 # Limits: rows counted exactly, rows sorted by text, and rows searched for a text per page.
@@ -450,13 +451,17 @@ def read_state(
     limit: int = 200,
 ) -> StatePage:
     """Read a page of a state."""
-    revision = head = head_revision(reader)
-    if reader.at is None or when is not None:
-        revision = state_at(reader, head if when is None else when)
-    at = None if revision == head and reader.at is None else revision
+    asked_at = reader.at if when is None else state_at(reader, when)
     kinds = tuple(PARTS) if kind is None else (kind,)
 
     def work(session: Session, kb_id: int) -> StatePage:
+        # In the snapshot of the page: others may write, or archive this state, at any moment.
+        position = read_position(session, kb_id)
+        head = position.head if reader.upto is None else reader.upto
+        revision = head if asked_at is None else asked_at
+        at = None if revision == head and reader.at is None else revision
+        if at is not None:
+            refuse_archived(session, kb_id, at, position.archived)
         question = _question(session, kb_id, asked, at)
         parts = _read_parts(session, question, kinds, after, limit)
         gone = _read_gone(session, kb_id, revision, asked, kinds)

@@ -13,7 +13,7 @@ from kant_sql import KnowledgeBase, Plan
 from kant_sql.acts import statistics
 from kant_sql.documents.exchange import read_task
 from kant_sql.errors import ArchivedError, PlanError, UnknownNameError
-from kant_sql.history import diff, element_pages, merge
+from kant_sql.history import diff, element_pages, merge, state_parts
 from kant_sql.history.erasure import retention
 from kant_sql.history.replication import push
 from kant_sql.knowledge_base import state_of
@@ -281,3 +281,22 @@ def test_a_page_of_an_object_that_is_erased_says_so(
     with pytest.raises(UnknownNameError, match="'room'"):
         element_pages.read_object_page(state_of(kb), "room")
     assert element_pages.read_object_page(state_of(kb), "erased-1").held
+
+
+def test_a_page_of_a_state_is_of_its_revision(
+    kb: KnowledgeBase, after: Callable[..., None], tmp_path: Path
+) -> None:
+    everything = state_parts.StateFilter()
+
+    def facts(when: int | None) -> tuple[int, set[str]]:
+        page = state_parts.read_state(state_of(kb), when, everything, "fact")
+        return page.number, {each.text for part in page.parts for each in part.elements}
+
+    kb.propositions.save("(seen hall)")
+    revision, known = kb.revision, facts(kb.revision)
+    after(state_parts, "state_at", lambda other: other.propositions.save("(seen room)"))
+    assert facts(revision) == known
+    assert facts(None)[0] == revision + 1
+    after(state_parts, "state_at", archived(tmp_path))
+    with pytest.raises(ArchivedError, match="was moved to an archive"):
+        facts(revision)
