@@ -86,7 +86,8 @@ def solve(
 
     Plugins compile preferences and metrics that unified-planning does not know; a planner improves
     the costs for at most 10 seconds, or half of the timeout. Those that an engine still cannot get
-    are named in the plan's `ignored`, and logged as a warning. Nothing else is ever left out.
+    are named in the plan's `ignored`, and logged as a warning. Nothing else is left out but
+    functions that only the initial state mentions: they affect no plan.
 
     Args:
         engine: the engine's name in unified-planning, for example `fast-downward-opt`,

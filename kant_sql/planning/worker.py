@@ -28,7 +28,15 @@ from ..errors import KantSqlError, NoPlanError, PlannerMissingError, Unsupported
 from ..pddl.document import Domain, Problem, formulas
 from ..pddl.writer import write
 from .commands import INVARIANTS, MISREAD, WAYS_OUT, ask_directly, configured
-from .metrics import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
+from .metrics import (
+    MOST_EFFECTS,
+    Variant,
+    hinted,
+    missing_compilation,
+    refusal,
+    variants,
+    without_unread,
+)
 from .plan import OPTIMAL, SATISFICING, Plan, PlanStep
 from .processes import PlannerProcess
 from .solving import IMPROVING_SECONDS, Task
@@ -323,7 +331,10 @@ class Search:
     """The search for a plan, engine by engine."""
 
     def __init__(self, task: Task) -> None:
-        self._task, self._started = task, time.monotonic()
+        # Engines refuse, or are chosen for, numbers even if no action needs them.
+        domain, problem = without_unread(task.domain, task.problem)
+        self._task = task._replace(domain=domain, problem=problem)
+        self._started = time.monotonic()
         self._engines = Engines()
         self._environment = self._engines.environment
         _mend_grounder()

@@ -348,6 +348,19 @@ def test_no_plan(engine: str | None) -> None:
     assert "in a branch, kb.branch(), you can relax the goal" in str(caught.value)
 
 
+def test_a_number_that_no_action_reads_hinders_no_engine() -> None:
+    given = documents(
+        TAKE_TIME.replace("(length ?a ?b)", "5"),
+        functions="(:functions (battery ?r - robot) (seen))",
+        init="(= (battery rb) 99.75) (= (seen) 0.5)",
+    )
+    plan = solve_pair(given, engine="aries", timeout=60)
+    assert [step.arguments for step in plan.steps] == [("rb", "a", "b"), ("rb", "b", "c")]
+    assert (plan.domain_pddl, plan.ignored) == (None, ())
+    given = documents(functions="(:functions (battery ?r - robot))", init="(= (battery rb) 99.75)")
+    assert solve_pair(given, engine="pyperplan", timeout=60).steps == STEPS
+
+
 def test_an_engine_that_does_not_suit() -> None:
     with pytest.raises(NoPlanError, match=r"pyperplan does not know .*continuous_time") as caught:
         solve_pair(TEMPORAL, engine="pyperplan", timeout=60)
