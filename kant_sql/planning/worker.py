@@ -191,6 +191,8 @@ class Engines:
             f"{name} does not know {', '.join(sorted(features)).lower()}"
             for name, features in missing.items()
         ]
+        if {"REAL_TYPE_DURATIONS"} in missing.values():
+            said.append("give all durations as whole numbers, for example in tenths of a second")
         if suitable:
             said.append(f"{', '.join(suitable)} would do; choose it, or no engine")
         features = {feature for found in missing.values() for feature in found}

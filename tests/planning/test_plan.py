@@ -371,6 +371,14 @@ def test_an_engine_that_does_not_suit() -> None:
     assert "kb.branch()" in str(caught.value)
 
 
+def test_whole_numbers_are_the_way_out_if_only_fractions_of_durations_are_unknown() -> None:
+    given = documents(TAKE_TIME.replace("(length ?a ?b)", "0.6"))
+    with pytest.raises(NoPlanError, match=r"durations; give all durations as whole numbers, for"):
+        solve_pair(given, timeout=60)
+    given = documents(TAKE_TIME.replace("(length ?a ?b)", "6"))
+    assert solve_pair(given, timeout=60).engine == "aries"
+
+
 def test_only_what_no_compilation_removes_is_called_unknown() -> None:
     given = documents(
         TAKE_TIME.replace("(path ?a ?b))", "(path ?a ?b))\n(at start (not (at ?r ?b)))"),
