@@ -558,7 +558,7 @@ def _failure(engine: str, result: PlanGenerationResult) -> str:
             status = "memout" if error[1].startswith("OutOfMemory") else "internal_error"
             return f"{status} ({error[1]})"
         # It also reports this when it gives up or cannot read the problem.
-        return "unsolvable_incompletely" if status == "unsolvable_proven" else status
+        status = "unsolvable_incompletely" if status == "unsolvable_proven" else status
     # Indented lines are the context, of Python or of aries.
     lines = [line for line in said.splitlines() if line.strip() and not line[0].isspace()]
     return f"{status} ({lines[-1][:200]})" if status == "internal_error" and lines else status

@@ -412,18 +412,19 @@ def test_quantifiers_are_compiled_away_though_a_number_has_no_value_yet() -> Non
         ("java.lang.RuntimeException: This can't be possible", "internal_error"),
         ("java.lang.OutOfMemoryError: Java heap space", "memout"),
         ("Unsolvable Problem", "unsolvable_incompletely"),
+        ("line 4:10 mismatched input 'start'", r"internal_error \(line 4:10 mismatched input"),
     ],
 )
 def test_a_crash_of_enhsp_is_not_taken_for_its_answer(
     said: str, status: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     java = tmp_path / "java"
-    java.write_text(f'#!/bin/sh\necho "{said}" >&2\n')
+    java.write_text(f'#!/bin/sh\necho "{said}" >&2\nexit 255')
     java.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
     with pytest.raises(NoPlanError, match=rf"enhsp: {status}") as caught:
         solve_pair(documents(), engine="enhsp", timeout=60)
-    assert caught.value.status == status
+    assert caught.value.status == status.split()[0]
 
 
 def test_constraints_are_compiled_away_where_two_static_conditions_exclude_one_object() -> None:
