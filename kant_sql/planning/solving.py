@@ -21,6 +21,7 @@ from ..errors import InvalidArgumentError, KantSqlError, NoPlanError, PlannerMis
 from ..limits import LIMIT, Limit, StatementGuard
 from ..pddl.document import Domain, Problem
 from .commands import INVALID, MISREAD, WAYS_OUT, ask, ask_directly, engines_file, find_command
+from .guard import FOLDER
 from .names import require_unified_planning
 from .plan import EngineRun, Plan
 from .processes import PlannerProcess
@@ -162,7 +163,7 @@ class Attempt:
         """Ask the engine, and keep its plan or its failure."""
         try:
             with tempfile.TemporaryDirectory(
-                prefix="kant-sql-plan-", ignore_cleanup_errors=True
+                prefix=FOLDER, ignore_cleanup_errors=True
             ) as self.process.folder:
                 self._keep_first_valid(self._answers())
         except Exception as error:  # The waiting thread raises it.
