@@ -190,7 +190,9 @@ class FormulaReader(Cursor):
         if context & EFFECT and head.lower() in NO_EFFECTS:
             self.fail("an effect", f"'({head}'")
         names = self.symbols.predicates.names()
-        expected = f"a predicate that is declared{hint(head, [*names, *operators])}"
+        # A misspelt name of a knowledge base makes an empty one.
+        close = hint(head, [*names, *operators]) or ("" if names else " (none is declared here)")
+        expected = f"a predicate that is declared{close}"
         function = self.symbols.functions.find(head)
         if function is not None:
             expected = f"{_called(context)}, but {function.name} is a function"

@@ -3,6 +3,8 @@
 The planner has its own session, no input, and MEMORY bytes of addresses (0 for no limit). If it
 ends, or this process's standard input does, together with the calling process, all processes that
 it started end, too. Then this process ends like the planner. It imports little, to start fast.
+A caller that lives writes a byte to this input before it ends it. Without one, the caller was
+killed, and the planner's working folder goes, too.
 """
 
 import ctypes
@@ -14,6 +16,7 @@ import sys
 
 SUBREAPER = 36  # prctl: on Linux, orphans below this process become its children.
 MOST_FILE = 1 << 30
+FOLDER = "kant-sql-plan-"
 
 
 def main(memory: int, *command: str) -> None:
@@ -28,14 +31,17 @@ def main(memory: int, *command: str) -> None:
     pid = os.fork()
     if pid == 0:
         become(memory, command)
-    code = None
+    code, is_orphaned = None, False
     while code is None:
         ready, _, _ = select.select([0, died], [], [])
         if 0 in ready:
+            is_orphaned = not os.read(0, 1)
             break
         os.read(died, 4096)
         code = reaped(pid)
     end_all(pid)
+    if is_orphaned:
+        remove_folder()
     if code is not None and code < 0:
         if -code != signal.SIGKILL:
             signal.signal(-code, signal.SIG_DFL)
@@ -84,6 +90,18 @@ def end_all(pid: int) -> None:
             os.waitpid(-1, 0)
         except ChildProcessError:
             return
+
+
+def remove_folder() -> None:
+    """Remove the working folder, if it is a caller's temporary one."""
+    try:
+        folder = os.getcwd()
+    except OSError:  # The planner has removed it.
+        return
+    if os.path.basename(folder).startswith(FOLDER):
+        import shutil  # Importing it takes long.
+
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def descendants() -> "list[int]":

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Protocol
 
 from ..dto import formulas as f
 from ..dto.lexical import fold
 from ..errors import UnsupportedConstructError
-from ..pddl.document import DURATIVE_ACTION, EXECUTABLE, Action, Domain, Problem
+from ..pddl.document import DURATIVE_ACTION, EXECUTABLE, Action, Domain, Problem, formulas
 from ..pddl.requirements import functions_in, is_function
 from ..plugins import Plugins
 
@@ -79,6 +79,18 @@ def static_functions(domain: Domain, problem: Problem) -> frozenset[str]:
     effects.extend(timed.effect for timed in problem.timed)
     changed = [node.fluent.function for node in f.walk(*effects) if isinstance(node, f.Assign)]
     return frozenset(fold(one.name) for one in domain.functions) - set(map(fold, changed))
+
+
+def without_unread(domain: Domain, problem: Problem) -> tuple[Domain, Problem]:
+    """Leave out functions that nothing but initial values mentions: they affect no plan."""
+    mentioned = functions_in(*formulas(domain, problem), *(one.effect for one in problem.timed))
+    if problem.metric is not None:
+        mentioned |= functions_in(problem.metric)
+    functions = tuple(one for one in domain.functions if fold(one.name) in mentioned)
+    if len(functions) == len(domain.functions):
+        return domain, problem
+    values = tuple(one for one in problem.values if fold(one.fluent.function) in mentioned)
+    return replace(domain, functions=functions), replace(problem, values=values)
 
 
 def is_sum_of_costs(domain: Domain, problem: Problem) -> bool:

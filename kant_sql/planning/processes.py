@@ -82,22 +82,29 @@ class PlannerProcess:
         """End the running program, and start no more."""
         with self._guard:
             self.is_ended = True
-            if self._process is not None and self._process.stdin is not None:
-                with contextlib.suppress(OSError):
-                    self._process.stdin.close()
+            if self._process is not None:
+                _stop(self._process)
 
     def _close(self, process: subprocess.Popen[bytes]) -> None:
-        assert process.stdin is not None
         assert process.stdout is not None
         with self._guard:
             self._process = None
-            process.stdin.close()
+            _stop(process)
         try:
             process.wait(_ENDS_WITHIN)
         except subprocess.TimeoutExpired:  # A device blocks its processes.
             process.kill()
             process.wait()
         process.stdout.close()
+
+
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    """Let the guard end the planner, and know that its caller lives."""
+    assert process.stdin is not None
+    if not process.stdin.closed:
+        with contextlib.suppress(OSError):
+            process.stdin.write(b"\n")
+            process.stdin.close()
 
 
 def _read(process: subprocess.Popen[bytes], until: float) -> tuple[str, str | None]:

@@ -21,6 +21,7 @@ from ..errors import InvalidArgumentError, KantSqlError, NoPlanError, PlannerMis
 from ..limits import LIMIT, Limit, StatementGuard
 from ..pddl.document import Domain, Problem
 from .commands import INVALID, MISREAD, WAYS_OUT, ask, ask_directly, engines_file, find_command
+from .guard import FOLDER
 from .names import require_unified_planning
 from .plan import EngineRun, Plan
 from .processes import PlannerProcess
@@ -86,7 +87,8 @@ def solve(
 
     Plugins compile preferences and metrics that unified-planning does not know; a planner improves
     the costs for at most 10 seconds, or half of the timeout. Those that an engine still cannot get
-    are named in the plan's `ignored`, and logged as a warning. Nothing else is ever left out.
+    are named in the plan's `ignored`, and logged as a warning. Nothing else is left out but
+    functions that only the initial state mentions: they affect no plan.
 
     Args:
         engine: the engine's name in unified-planning, for example `fast-downward-opt`,
@@ -161,7 +163,7 @@ class Attempt:
         """Ask the engine, and keep its plan or its failure."""
         try:
             with tempfile.TemporaryDirectory(
-                prefix="kant-sql-plan-", ignore_cleanup_errors=True
+                prefix=FOLDER, ignore_cleanup_errors=True
             ) as self.process.folder:
                 self._keep_first_valid(self._answers())
         except Exception as error:  # The waiting thread raises it.

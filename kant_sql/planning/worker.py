@@ -28,7 +28,15 @@ from ..errors import KantSqlError, NoPlanError, PlannerMissingError, Unsupported
 from ..pddl.document import Domain, Problem, formulas
 from ..pddl.writer import write
 from .commands import INVARIANTS, MISREAD, WAYS_OUT, ask_directly, configured
-from .metrics import MOST_EFFECTS, Variant, hinted, missing_compilation, refusal, variants
+from .metrics import (
+    MOST_EFFECTS,
+    Variant,
+    hinted,
+    missing_compilation,
+    refusal,
+    variants,
+    without_unread,
+)
 from .plan import OPTIMAL, SATISFICING, Plan, PlanStep
 from .processes import PlannerProcess
 from .solving import IMPROVING_SECONDS, Task
@@ -183,6 +191,8 @@ class Engines:
             f"{name} does not know {', '.join(sorted(features)).lower()}"
             for name, features in missing.items()
         ]
+        if {"REAL_TYPE_DURATIONS"} in missing.values():
+            said.append("give all durations as whole numbers, for example in tenths of a second")
         if suitable:
             said.append(f"{', '.join(suitable)} would do; choose it, or no engine")
         features = {feature for found in missing.values() for feature in found}
@@ -323,7 +333,10 @@ class Search:
     """The search for a plan, engine by engine."""
 
     def __init__(self, task: Task) -> None:
-        self._task, self._started = task, time.monotonic()
+        # Engines refuse, or are chosen for, numbers even if no action needs them.
+        domain, problem = without_unread(task.domain, task.problem)
+        self._task = task._replace(domain=domain, problem=problem)
+        self._started = time.monotonic()
         self._engines = Engines()
         self._environment = self._engines.environment
         _mend_grounder()
@@ -545,7 +558,7 @@ def _failure(engine: str, result: PlanGenerationResult) -> str:
             status = "memout" if error[1].startswith("OutOfMemory") else "internal_error"
             return f"{status} ({error[1]})"
         # It also reports this when it gives up or cannot read the problem.
-        return "unsolvable_incompletely" if status == "unsolvable_proven" else status
+        status = "unsolvable_incompletely" if status == "unsolvable_proven" else status
     # Indented lines are the context, of Python or of aries.
     lines = [line for line in said.splitlines() if line.strip() and not line[0].isspace()]
     return f"{status} ({lines[-1][:200]})" if status == "internal_error" and lines else status

@@ -6,12 +6,14 @@ import re
 from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from sqlalchemy import make_url
 
 import kant_sql
 from tests.audit.porter import record_porter
+from tests.audit.story import Clock, at
 from tests.audit.ward import record_ward
 from tests.support.pages import Ask, Page, ask
 from tests.support.stores import CITUS
@@ -52,6 +54,20 @@ def test_every_question_has_a_statement_and_an_answer() -> None:
 @pytest.mark.parametrize(("question", "answer"), QUESTIONS, ids=TITLES)
 def test_a_question_has_the_answer_given(asked: Ask, question: str, answer: str) -> None:
     assert asked(question) == answer.splitlines()
+
+
+def test_a_statement_that_repeats_another_corrects_nobody(tmp_path: Path) -> None:
+    url = record_porter(f"sqlite:///{tmp_path / 'porter.db'}")
+    times = (at(time).replace(day=3) for time in ("11:20", "09:21", "09:29"))
+    with Clock().ruling() as clock, kant_sql.connect(url, knowledge_base="porter") as kb:
+        clock.moment, begin, end = times
+        with kb.transaction(actor="second camera", valid_from=begin, valid_until=end):
+            kb.propositions.save("(at r1 lab)")
+        assert kb.revision == 8
+    about = {question: answer for question, answer in QUESTIONS if "corrected_by" in question}
+    assert len(about) == 3
+    for question, answer in about.items():
+        assert ask(url, question) == answer.splitlines()
 
 
 @pytest.mark.parametrize("question", [question for question, _ in QUESTIONS], ids=TITLES)

@@ -67,6 +67,17 @@ def test_the_parts_of_an_error(tmp_path: Path) -> None:
     )
 
 
+def test_that_no_predicate_is_declared_is_said() -> None:
+    with kant_sql.connect("sqlite://") as kb:
+        with pytest.raises(
+            errors.PddlError, match=r"a predicate that is declared \(none is"
+        ) as told:
+            kb.holds("(docked)")
+        assert told.value.found == "the predicate 'docked'"
+        with pytest.raises(errors.PddlError, match=r"declared \(did you mean not\?\)"):
+            kb.holds("(nott (docked))")
+
+
 @pytest.mark.parametrize(
     "error",
     [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from importlib import import_module
 
 from sqlalchemy import URL, make_url
@@ -27,8 +28,11 @@ def parse_url(url: str) -> URL:
     """Read a database URL; the path of an existing file means its SQLite store."""
     parsed = _parse(url)
     if parsed is None:
+        # Only a path is shown: other text may contain a password.
+        is_path = isinstance(url, str) and re.fullmatch(r"[\w./-]+", url)
+        given = repr(url) if is_path else "this"
         raise InvalidUrlError(
-            "this is not a database URL, nor the path of an existing file; write "
+            f"{given} is not a database URL, nor the path of an existing file; write "
             "sqlite:///robot.db for a new file, sqlite:// for a store in memory, or "
             "postgresql://user@host/database"
         )
