@@ -13,13 +13,17 @@ import tempfile
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import pytest
 from sybil import Document, Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
+from typer.main import get_command
 
 import kant_sql
+from kant_sql.cli.common import CommandGroup
+from kant_sql.cli.main import app
 from tests.ros.running import PREFIX, environment, node
 from tests.support.clusters import free_port, install_programs, stop_servers
 from tests.support.processes.commands import command, run
@@ -193,3 +197,25 @@ def test_every_block_says_its_language_and_some_test_runs_it(path: Path) -> None
             if not inside:
                 assert line[3:] in KNOWN_LANGUAGES, f"{path.name}:{number}: {line}"
             inside = not inside
+
+
+def named_commands(group: Any, *path: str) -> Iterator[tuple[str, Any]]:
+    for name in group.list_commands(None):
+        command = group.get_command(None, name)
+        if isinstance(command, CommandGroup):
+            yield from named_commands(command, *path, name)
+        else:
+            yield " ".join([*path, name]), command
+
+
+@pytest.mark.parametrize(("name", "command"), [*named_commands(get_command(app))])
+def test_every_option_is_in_the_section_or_the_page_of_its_command(name: str, command: Any) -> None:
+    usage = re.compile(rf"`{name} \[?(?:URL|SOURCE|FILE|NAME)")
+    texts = [path.read_text() for path in DOCUMENTS]
+    sections = re.split(r"^## ", (ROOT / "docs" / "cli.md").read_text(), flags=re.MULTILINE)
+    found = [*filter(usage.search, sections)] or [
+        text for text in texts if f"kant-sql {name}" in text
+    ]
+    for option in (each for each in command.params if each.param_type_name == "option"):
+        words = {word for word in option.opts if word.startswith("--")} - {"--help"}
+        assert not words or any(word in text for word in words for text in found), words
