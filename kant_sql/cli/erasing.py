@@ -30,7 +30,6 @@ Parts = Annotated[
     ),
 ]
 _ERASE = c.CommandWords("[URL] [OBJECT]", "sqlite:///robot.db maria")
-_RETENTION = c.CommandWords("[URL]", "sqlite:///robot.db --after 30d")
 
 
 def erase(
@@ -163,7 +162,7 @@ def _write_said(
 
 
 def retention(
-    words: Annotated[list[str] | None, _RETENTION.argument("none.")] = None,
+    url: c.Url,
     after: Annotated[
         str | None,
         c.option("Erase in revisions older than this, such as 30d, 12h or 90m.", metavar="AGE"),
@@ -193,7 +192,6 @@ def retention(
 
     Each run makes one revision, or none if nothing is old enough.
     """
-    url, _ = _RETENTION.split(words)
     if after is None and rules is None:
         raise typer.BadParameter("give an age, or a file with --rules", param_hint="--after")
     for option, given in (("--of", of_actor), ("--parts", parts)):

@@ -371,8 +371,7 @@ def validate(
     if bool(files) == (id_ is not None):
         raise typer.BadParameter("give a file or --plan", param_hint="FILE")
     with c.open_state(url, kb, at, valid) as (name, state):
-        plan = read_plan(Path(files[0])) if id_ is None else get_recorded(state, name, id_)
-        found = state.validate(plan)
+        found = state.validate(read_plan(Path(files[0])) if id_ is None else id_)
         if as_json:
             write_json(found, knowledge_base=name, revision=state.revision)
         else:

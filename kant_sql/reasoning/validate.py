@@ -238,9 +238,12 @@ def read_any_plan(state: State, plan: GivenPlan) -> Plan | RecordedPlan:
     if isinstance(plan, Plan | RecordedPlan):
         return plan
     if isinstance(plan, int) and not isinstance(plan, bool):
-        found = SqlPlanDao(*state).get(plan)
+        # It may have been recorded after the state that it is executed from.
+        found = SqlPlanDao(state.store, None).get(plan)
         if found is None:
-            raise PlanError(f"knowledge base {state.store.name!r} has no plan {shown(plan)}")
+            raise PlanError(
+                f"knowledge base {state.store.name!r} has no plan {shown(plan)}; see: kb.plans"
+            )
         return found
     if isinstance(plan, str | os.PathLike):
         return Plan.read(plan)

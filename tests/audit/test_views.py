@@ -28,10 +28,13 @@ def described() -> dict[str, list[str]]:
         for part in parts
     }
     interval, revision = listed.pop("The interval"), listed.pop("The revision")
-    shared = {"*interval*": interval, "*revision*": revision}
+    shared = {"*interval*": interval, "*revision*": revision, "*period*": listed.pop("The period")}
     shared["*beginning*"] = interval[: interval.index("`until`")]
     return {
-        view: [name.strip("`") for column in columns for name in shared.get(column, [column])]
+        view: [
+            "knowledge_base",
+            *(name.strip("`") for column in columns for name in shared.get(column, [column])),
+        ]
         for view, columns in listed.items()
     }
 

@@ -226,6 +226,7 @@ def test_help_is_short_to_ask_for_and_has_no_python_in_it(words: list[str]) -> N
     assert result.stdout.startswith(" ".join(["Usage: kant-sql", *words]))
     assert not re.search(r"[{}]|<\w", result.stdout), result.stdout
     assert "FILE......" not in result.stdout
+    assert "and none." not in result.stdout
 
 
 @pytest.mark.parametrize(

@@ -145,7 +145,8 @@ def test_a_recorded_plan_is_validated(own_breakfast: str, tmp_path: Path) -> Non
     assert run("validate", own_breakfast, "--plan", id_, url=None).exit_code == 0
     run("apply", own_breakfast, TAKE)
     assert run("validate", own_breakfast, "--plan", id_).exit_code == 1
-    assert "there is no plan 77" in complaint("validate", own_breakfast, "--plan", "77")
+    assert run("validate", own_breakfast, "--plan", id_, "--at", "2").exit_code == 0
+    assert "has no plan 77" in complaint("validate", own_breakfast, "--plan", "77")
     assert "a file or --plan" in complaint("validate", own_breakfast, code=2)
     both = "file", "--plan", id_
     assert "a file or --plan" in complaint("validate", own_breakfast, *both, code=2)

@@ -118,6 +118,10 @@ def test_recorded_plans_are_executed_from_any_state(rounds: KnowledgeBase) -> No
     assert present(found.failed_step).step == recorded.steps[0]
     assert str(found).startswith("the plan is not valid\nstep 0, (Move rb1 home lab), fails at 1:")
     assert rounds.validate(recorded, at=recorded.revision).valid
+    # A view of a state before the plan was recorded does not list it, and executes it.
+    before = rounds.at(recorded.revision)
+    assert (before.plans.get_all(), before.validate(recorded.id).valid) == ([], True)
+    assert before.pddl.causal_links(recorded.id) == rounds.pddl.causal_links(recorded)
 
 
 def test_goals_constraints_and_numbers_are_judged(rounds: KnowledgeBase) -> None:

@@ -32,13 +32,14 @@ def filled_url(shared_url: str) -> str:
 
 
 def described() -> dict[str, list[str]]:
-    """The columns that the section of each table lists."""
+    """The columns that the section of each table lists, after `kb_id`."""
     found: dict[str, list[str]] = {}
     for section in re.split(r"^### ", PAGE.text, flags=re.MULTILINE)[1:]:
         heading, _, body = section.partition("\n")
         body = re.split(r"^## ", body, flags=re.MULTILINE)[0]
         columns = re.findall(r"^\| `(\w+)` \|", body, re.MULTILINE)
-        found.update((table, columns) for table in re.findall(r"`(\w+)`", heading))
+        for table in re.findall(r"`(\w+)`", heading):
+            found[table] = columns if table == "knowledge_base" else ["kb_id", *columns]
     return found
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import os
 import re
 import shlex
@@ -13,13 +14,17 @@ import tempfile
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import pytest
 from sybil import Document, Example, Sybil
 from sybil.parsers.markdown import CodeBlockParser, PythonCodeBlockParser
+from typer.main import get_command
 
 import kant_sql
+from kant_sql.cli.common import CommandGroup
+from kant_sql.cli.main import app
 from tests.ros.running import PREFIX, environment, node
 from tests.support.clusters import free_port, install_programs, stop_servers
 from tests.support.processes.commands import command, run
@@ -193,3 +198,65 @@ def test_every_block_says_its_language_and_some_test_runs_it(path: Path) -> None
             if not inside:
                 assert line[3:] in KNOWN_LANGUAGES, f"{path.name}:{number}: {line}"
             inside = not inside
+
+
+def named_commands(group: Any, *path: str) -> Iterator[tuple[str, Any]]:
+    for name in group.list_commands(None):
+        command = group.get_command(None, name)
+        if isinstance(command, CommandGroup):
+            yield from named_commands(command, *path, name)
+        else:
+            yield " ".join([*path, name]), command
+
+
+def sections_of(name: str) -> list[str]:
+    """The sections of the command line's page that show the usage of a command."""
+    usage = re.compile(rf"`{name} \[?(?:URL|SOURCE|FILE|NAME)")
+    text = (ROOT / "docs" / "cli.md").read_text()
+    return [*filter(usage.search, re.split(r"^## ", text, flags=re.MULTILINE))]
+
+
+@pytest.mark.parametrize(("name", "command"), [*named_commands(get_command(app))])
+def test_every_option_is_in_the_section_or_the_page_of_its_command(name: str, command: Any) -> None:
+    texts = [path.read_text() for path in DOCUMENTS]
+    found = sections_of(name) or [text for text in texts if f"kant-sql {name}" in text]
+    for option in (each for each in command.params if each.param_type_name == "option"):
+        words = {word for word in option.opts if word.startswith("--")} - {"--help"}
+        assert not words or any(word in text for word in words for text in found), words
+
+
+@pytest.fixture(scope="module")
+def visited_store(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A store with an act, a plan that waits for its execution, and a branch."""
+    url = f"sqlite:///{tmp_path_factory.mktemp('visited')}/store.db"
+    with kant_sql.connect(url, actor="executive") as kb:
+        kb.load_domain("""(define (domain tour) (:types place) (:predicates (at ?p - place))
+            (:action go :parameters (?a ?b - place) :precondition (at ?a)
+              :effect (and (not (at ?a)) (at ?b))))""")
+        kb.load_problem("""(define (problem day) (:domain tour) (:objects hall lab - place)
+            (:init (at hall)) (:goal (at lab)))""")
+        kb.apply("(go hall lab)")
+        kb.plans.record(kant_sql.Plan.read("(go lab hall)"))
+        kb.branch("trial").close()
+    return url
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *("show", "kbs", "log", "diff 1", "acts", "statistics", "history hall"),
+        *("consequences '(at hall)'", "verify", "archive --before 3 --to sqlite:// --dry-run"),
+        *("views --sql", "plans", "holds '(at lab)'", "goals", "applicable", "validate --plan 1"),
+        *("why-not '(go lab hall)'", "when '(at ?p)'", "rules '(always (at lab))'"),
+        *("merge trial", "dump", "db current"),
+    ],
+)
+def test_every_field_of_a_document_is_in_the_section_of_its_command(
+    words: str, visited_store: str
+) -> None:
+    name, *rest = shlex.split(words.replace("db current", "'db current'"))
+    kb = [] if name in ("kbs", "db current") else ["--kb", "default"]
+    result = run(*name.split(), visited_store, *rest, *kb, "--json")
+    document = json.loads(result.stdout.splitlines()[0])
+    missing = {key for key in document if not any(f"`{key}`" in text for text in sections_of(name))}
+    assert not missing
