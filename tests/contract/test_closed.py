@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import inspect
+import sqlite3
 import threading
 import weakref
 from collections import Counter
@@ -361,3 +362,9 @@ def test_a_program_that_connects_again_and_again_keeps_nothing(
     before = live()
     grown = live() - before
     assert grown.total() < 5, grown
+
+
+def test_a_database_that_a_test_leaves_open_is_reported() -> None:
+    with pytest.warns(ResourceWarning, match="left open by .*test_a_database_that_a_test_leaves"):
+        sqlite3.connect(":memory:")
+        gc.collect()
