@@ -456,6 +456,7 @@ def create_dao_factory(
         >>> factory = create_dao_factory("sqlite://")
         >>> factory.create_pddl_type_dao().get_all()
         []
+        >>> factory.close()
     """
     flag(read_only, "read_only", InvalidArgumentError)
     family = family_of(url)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import gc
 import inspect
 import os
 import shutil
 import signal
+import sqlite3
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,6 +21,7 @@ import pytest
 import kant_sql
 from kant_sql import KnowledgeBase
 from kant_sql.sql import schema
+from kant_sql.sql.dialects.base import _BACKENDS
 from tests import selection
 from tests.audit.story import record_store
 from tests.support import citus, profile
@@ -34,6 +37,7 @@ from tests.support.stores import (
     make_store_url,
     new_file_store,
 )
+from tests.support.unclosed import WatchedConnection
 
 profile.load()
 UPGRADE = schema._upgrade
@@ -211,6 +215,14 @@ def replayed_migrations() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def watched_connections() -> Iterator[None]:
+    """Let a test that leaves an SQLite database open fail on each Python, not only since 3.13."""
+    connect = functools.partial(sqlite3.connect, factory=WatchedConnection)
+    with mock.patch.object(sqlite3, "connect", connect):
+        yield
+
+
 @pytest.fixture
 def real_migrations() -> Iterator[None]:
     """Let Alembic make stores."""
@@ -231,6 +243,15 @@ def connect() -> Iterator[Connect]:
     yield connect_
     for kb in opened:
         kb.close()
+
+
+@pytest.fixture
+def closed_stores() -> Iterator[None]:
+    """Close what a test opens with an API that closes nothing, such as the original's."""
+    before = {*_BACKENDS}
+    yield
+    for backend in {*_BACKENDS} - before:
+        backend.close()
 
 
 @pytest.fixture

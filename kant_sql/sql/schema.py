@@ -8,8 +8,8 @@ from __future__ import annotations
 import io
 import logging
 import re
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -68,7 +68,7 @@ def ensure_schema(backend: Backend) -> None:
 
 def _create(backend: Backend) -> None:
     """Create the tables from the recorded schema: the migrations would take 0.3 s."""
-    with _MIGRATING, backend.migration_connection() as connection:
+    with _translating(backend), _MIGRATING, backend.migration_connection() as connection:
         if inspect(connection).has_table(VERSION_TABLE):
             # Another process has created them meanwhile.
             return
@@ -310,7 +310,7 @@ def _migrate_once(backend: Backend, run: Callable[[Config], None]) -> None:
 
     config = alembic_config()
     try:
-        with _MIGRATING, backend.migration_connection() as connection:
+        with _translating(backend), _MIGRATING, backend.migration_connection() as connection:
             config.attributes["connection"] = connection
             config.attributes["label"] = backend.label
             run(config)
@@ -321,6 +321,13 @@ def _migrate_once(backend: Backend, run: Callable[[Config], None]) -> None:
         if version is not None and version not in VERSIONS:
             _judge(backend, version)
         raise SchemaError(f"{backend.label}: {error}") from error
+
+
+@contextmanager
+def _translating(backend: Backend) -> Iterator[None]:
+    """Translate errors of the driver in a migration, which SQLAlchemy wraps."""
+    try:
+        yield
     except DBAPIError as error:
         driver_error = error.orig if isinstance(error.orig, Exception) else error
         raise backend.translate_connect(driver_error) from error

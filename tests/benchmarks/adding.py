@@ -85,13 +85,15 @@ CASES: dict[str, dict[str, Prepare]] = {
 def measure(new: NewStore, prepare: Prepare, rounds: int) -> tuple[float, float]:
     """Give the median seconds of a call, with what is added and without."""
 
-    def calls(is_added: bool) -> Callable[[int], Callable[[], Any]]:
-        kb = kant_sql.connect(new(), knowledge_base="robot", actor="executive")
+    def calls(kb: KnowledgeBase, is_added: bool) -> Callable[[int], Callable[[], Any]]:
         kb.load_domain(DOMAIN)
         work = prepare(kb, is_added)
         return lambda _: work
 
-    whole, bare = (median(taken) / STEPS for taken in alternate(rounds, calls(True), calls(False)))
+    open_kb = partial(kant_sql.connect, knowledge_base="robot", actor="executive")
+    with open_kb(new()) as one, open_kb(new()) as other:
+        both = alternate(rounds, calls(one, True), calls(other, False))
+        whole, bare = (median(taken) / STEPS for taken in both)
     return whole, bare
 
 

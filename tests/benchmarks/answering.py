@@ -17,6 +17,7 @@ at most 1.5 times that of a recursive statement.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from random import Random
 from statistics import median
 from typing import Any, NamedTuple
@@ -315,7 +316,7 @@ def closures(url: str, starts: Mapping[str, str], rounds: int) -> Iterator[Measu
     """Ask what can be reached in a graph, and from where something can be reached."""
     hand = ByHand(url)
     onwards, back = reached(hand, "first", "second"), reached(hand, "second", "first")
-    with kant_sql.connect(url, knowledge_base=warehouse.NAME) as kb:
+    with closing(hand.driver), kant_sql.connect(url, knowledge_base=warehouse.NAME) as kb:
         for name, start in starts.items():
             for text, sql, said in (
                 (f"(reach {start} ?x)", onwards, "from"),
@@ -346,7 +347,7 @@ def run(
         url = new()
         warehouse.fill(url, facts)
         hand = ByHand(url)
-        with kant_sql.connect(url, knowledge_base=warehouse.NAME) as kb:
+        with closing(hand.driver), kant_sql.connect(url, knowledge_base=warehouse.NAME) as kb:
             rows += [each.row() for each in literals(kb, hand, facts, rounds)]
             rows += [each.row() for each in conjunctions(kb, hand, facts, rounds)]
     written, starts = graph(edges)

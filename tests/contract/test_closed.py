@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import inspect
+import sqlite3
 import threading
 import weakref
 from collections import Counter
@@ -79,6 +80,7 @@ def open_kb(url: str) -> KnowledgeBase:
     return kant_sql.connect(url, knowledge_base="tiago", actor="test")
 
 
+@pytest.mark.usefixtures("closed_stores")
 def test_every_call_after_close_is_refused(open_kb: KnowledgeBase, tmp_path: Path) -> None:
     pytest.importorskip("unified_planning")
     world = World(open_kb, tmp_path)
@@ -361,3 +363,9 @@ def test_a_program_that_connects_again_and_again_keeps_nothing(
     before = live()
     grown = live() - before
     assert grown.total() < 5, grown
+
+
+def test_a_database_that_a_test_leaves_open_is_reported() -> None:
+    sqlite3.connect(":memory:")
+    with pytest.warns(ResourceWarning, match="left open by .*test_a_database_that_a_test_leaves"):
+        gc.collect()

@@ -5,8 +5,6 @@ from __future__ import annotations
 import logging
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
@@ -14,7 +12,6 @@ from typing import Any
 
 import pytest
 
-import kant_sql
 from kant_sql import InvalidArgumentError, KnowledgeBase, compat
 from kant_sql.compat import (
     DaoFactory,
@@ -47,19 +44,8 @@ from tests.support.worlds.robots import (
     robot_at,
 )
 
+pytestmark = pytest.mark.usefixtures("closed_stores")
 NAVIGATION = str(navigation())
-
-
-@pytest.fixture(autouse=True)
-def _closing(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Close what a test opens: a factory of the original has no method for it."""
-    with ExitStack() as opened:
-
-        def open_closing(url: str, **options: Any) -> kant_sql.DaoFactory:
-            return opened.enter_context(closing(kant_sql.create_dao_factory(url, **options)))
-
-        monkeypatch.setattr(compat, "create_dao_factory", open_closing)
-        yield
 
 
 @pytest.fixture

@@ -111,6 +111,17 @@ def test_an_old_sqlite_is_refused_by_its_version(
         kant_sql.connect("sqlite://").close()
 
 
+def test_tables_that_cannot_be_created_are_an_error_of_the_store(
+    file_url: str, connect: Connect, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = schema.recorded("sqlite")
+    monkeypatch.setattr(schema, "recorded", lambda _: [*made, made[0]])
+    with pytest.raises(StoreError, match="already exists"):
+        connect(file_url)
+    monkeypatch.undo()
+    assert connect(file_url).revision == 0
+
+
 def test_each_store_in_memory_is_new(connect: Connect) -> None:
     connect("sqlite://").propositions.save(robot_at())
     assert connect("sqlite://").revision == 0

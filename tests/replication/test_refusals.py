@@ -173,13 +173,13 @@ def test_rows_that_a_constraint_refuses_are_told_of_both_stores(
 
 @pytest.mark.parametrize("is_source", [True, False])
 def test_a_head_that_cannot_be_read_is_named_with_its_store(
-    pushed: KnowledgeBase, file_url: str, replica_url: str, is_source: bool
+    pushed: KnowledgeBase, file_url: str, replica_url: str, connect: Connect, is_source: bool
 ) -> None:
     url = file_url if is_source else replica_url
     for sql in ("committed_at = 'x'", "next_id = 'x'"):
         damage(url, f"UPDATE head SET {sql}")
         with pytest.raises(StoreIntegrityError, match="knowledge base 'tiago'") as caught:
-            kant_sql.connect(file_url, knowledge_base="tiago").store.push(replica_url)
+            connect(file_url, knowledge_base="tiago").store.push(replica_url)
         assert url in str(caught.value)
 
 
@@ -217,7 +217,7 @@ def test_an_id_that_is_none_is_an_error_of_the_store(
 ) -> None:
     damage(replica_url, f"UPDATE knowledge_base SET id = {id_}")
     with pytest.raises(StoreIntegrityError, match=f"'tiago' of {replica_url}.* not an integer"):
-        kant_sql.connect(file_url, knowledge_base="tiago").store.push(replica_url)
+        connect(file_url, knowledge_base="tiago").store.push(replica_url)
     with (
         connect(replica_url, knowledge_base="newer") as other,
         pytest.raises(StoreIntegrityError, match=r"the largest id .* not an integer"),
