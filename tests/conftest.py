@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import functools
 import gc
 import inspect
 import os
 import shutil
 import signal
-import sqlite3
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -37,7 +35,6 @@ from tests.support.stores import (
     make_store_url,
     new_file_store,
 )
-from tests.support.unclosed import WatchedConnection
 
 profile.load()
 UPGRADE = schema._upgrade
@@ -212,14 +209,6 @@ def default_signals_for_children() -> Iterator[None]:
 def replayed_migrations() -> Iterator[None]:
     """Let what makes a store take as long as the database needs."""
     with mock.patch.object(schema, "_upgrade", Migrations().upgrade):
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def watched_connections() -> Iterator[None]:
-    """Let a test that leaves an SQLite database open fail on each Python, not only since 3.13."""
-    connect = functools.partial(sqlite3.connect, factory=WatchedConnection)
-    with mock.patch.object(sqlite3, "connect", connect):
         yield
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import gc
 import inspect
-import sqlite3
 import threading
 import weakref
 from collections import Counter
@@ -363,9 +362,3 @@ def test_a_program_that_connects_again_and_again_keeps_nothing(
     before = live()
     grown = live() - before
     assert grown.total() < 5, grown
-
-
-def test_a_database_that_a_test_leaves_open_is_reported() -> None:
-    sqlite3.connect(":memory:")
-    with pytest.warns(ResourceWarning, match="left open by .*test_a_database_that_a_test_leaves"):
-        gc.collect()
