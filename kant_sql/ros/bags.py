@@ -29,7 +29,7 @@ from ..knowledge_base import KnowledgeBase, factory_of, state_of
 from . import own, paper
 from .experts import ProblemExpert
 
-logger = logging.getLogger(__name__)
+logger = logging.getLogger("kant_sql.ros")
 
 _Key = tuple[str, str]  # the type of a topic, and the last word of its name
 _Taker = Callable[[Any, Any], object]

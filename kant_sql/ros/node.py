@@ -38,7 +38,7 @@ from .experts import DomainExpert, ProblemExpert, planner_services
 from .service import Service
 from .skills import PlanServer
 
-logger = logging.getLogger(__name__)
+logger = logging.getLogger("kant_sql.ros")
 
 # Parallel long calls, and the seconds after which a call counts as long.
 THREADS, LONG = 8, 0.05

@@ -18,7 +18,7 @@ from ..compat import DaoFactory
 from ..errors import InvalidArgumentError, InvalidKnowledgeError
 from .service import Service
 
-logger = logging.getLogger(__name__)
+logger = logging.getLogger("kant_sql.ros")
 
 # kant_msgs/msg/UpdateKnowledge and kant_msgs/srv/GetPddlProposition.
 SAVE, DELETE = 0, 1
