@@ -68,7 +68,7 @@ def ensure_schema(backend: Backend) -> None:
 
 def _create(backend: Backend) -> None:
     """Create the tables from the recorded schema: the migrations would take 0.3 s."""
-    with _translating(backend), _MIGRATING, backend.migration_connection() as connection:
+    with _migrating(backend) as connection:
         if inspect(connection).has_table(VERSION_TABLE):
             # Another process has created them meanwhile.
             return
@@ -310,7 +310,7 @@ def _migrate_once(backend: Backend, run: Callable[[Config], None]) -> None:
 
     config = alembic_config()
     try:
-        with _translating(backend), _MIGRATING, backend.migration_connection() as connection:
+        with _migrating(backend) as connection:
             config.attributes["connection"] = connection
             config.attributes["label"] = backend.label
             run(config)
@@ -324,10 +324,11 @@ def _migrate_once(backend: Backend, run: Callable[[Config], None]) -> None:
 
 
 @contextmanager
-def _translating(backend: Backend) -> Iterator[None]:
-    """Translate errors of the driver in a migration, which SQLAlchemy wraps."""
+def _migrating(backend: Backend) -> Iterator[Connection]:
+    """Open a migration's connection; translate errors of the driver, which SQLAlchemy wraps."""
     try:
-        yield
+        with _MIGRATING, backend.migration_connection() as connection:
+            yield connection
     except DBAPIError as error:
         driver_error = error.orig if isinstance(error.orig, Exception) else error
         raise backend.translate_connect(driver_error) from error
